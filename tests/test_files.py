@@ -1,0 +1,61 @@
+"""`atomic_path`: whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+import pytest
+
+from unproject import _files
+from unproject._files import atomic_path
+
+
+def test_writes_and_creates_parents(tmp_path):
+    final = tmp_path / "a" / "b" / "shape.glb"
+    with atomic_path(final) as tmp:
+        assert tmp.parent == final.parent and tmp.suffix == ".glb" and tmp != final
+        tmp.write_bytes(b"new")
+        assert not final.exists()
+    assert final.read_bytes() == b"new"
+    assert os.listdir(final.parent) == ["shape.glb"]
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
+def test_a_failing_writer_leaves_what_was_there(tmp_path, error):
+    final = tmp_path / "weights.safetensors"
+    final.write_bytes(b"old")
+    with pytest.raises(type(error)), atomic_path(final) as tmp:
+        tmp.write_bytes(b"ha")
+        raise error
+    assert final.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == [final.name]
+
+
+def test_a_disk_that_fails_at_synchronisation_leaves_nothing(tmp_path, monkeypatch):
+    def full(path):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(_files, "_synchronise", full)
+    with pytest.raises(OSError, match="No space"), atomic_path(tmp_path / "x.npz") as tmp:
+        tmp.write_bytes(b"x")
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_writer_that_writes_nothing_is_an_error(tmp_path):
+    with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "x.npz"):
+        pass
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_parent_may_not_be_a_file(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError), atomic_path(tmp_path / "file" / "x.npz"):
+        pass
+
+
+def test_a_folder_of_that_name_is_not_replaced(tmp_path):
+    (tmp_path / "x.npz").mkdir()
+    with pytest.raises(OSError), atomic_path(tmp_path / "x.npz") as tmp:
+        tmp.write_bytes(b"x")
+    assert os.listdir(tmp_path) == ["x.npz"]
