@@ -1,0 +1,106 @@
+"""The surface {x : v(x) = level} of a volume, as a closed triangle mesh.
+
+The volume is taken as zero outside its box, so the surface is closed even where the shape touches the box.
+Voxel i of N has its centre at (i + 1/2)/N·2 - 1: a solid block of voxels gets the extents of its voxels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import ndimage, sparse
+from skimage.measure import marching_cubes
+
+from unproject._types import UserError
+
+# Closer to the level than this, marching cubes puts several vertices on one point and the mesh stops being a manifold.
+# Cutting half a clearance lower also breaks the ties of binary volumes: voxels that touch in an edge alone are joined.
+_CLEARANCE = 1e-3
+# Taubin (1995), "A signal processing approach to fair surface design": shrink by λ, grow by μ, with 1/λ - 1/μ = 0.1.
+_TAUBIN = (0.5, 1 / (1 / 0.5 - 0.1))
+
+
+def isosurface(
+    volume: ArrayLike, level: float = 0.5, *, smooth: int = 0, largest: bool = False, min_fraction: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Marching cubes (Lewiner) on the zero-padded volume, normals outwards.
+
+    Args:
+        volume: (X, Y, Z) array or tensor, occupancy in [0, 1].
+        level: the occupancy on the surface, in [0.01, 0.99].
+        smooth: rounds of Taubin's smoothing, which removes the steps of the voxels and keeps size and topology.
+        largest, min_fraction: see `without_floaters`.
+
+    Returns:
+        vertices (V, 3) float32 in the frame of the volume, [-1, 1]³, and faces (F, 3) int64, counter-clockwise
+        seen from outside. Both are empty if nothing is above the level.
+
+    Raises:
+        UserError: not three axes, values that are not finite, or a level outside its range.
+    """
+    v = without_floaters(_checked(volume, level), level, largest=largest, min_fraction=min_fraction)
+    if not (v > level).any():
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64)
+    clear = np.where(v > level, np.maximum(v, level + _CLEARANCE), np.minimum(v, level - _CLEARANCE))
+    # "ascent" is what makes the faces counter-clockwise from outside for a solid brighter than its surroundings.
+    indices, faces, _, _ = marching_cubes(np.pad(clear, 1), level - _CLEARANCE / 2, gradient_direction="ascent")
+    vertices = (indices - 0.5) / np.array(v.shape) * 2 - 1
+    return _taubin(vertices, faces, smooth).astype(np.float32), faces.astype(np.int64)
+
+
+def without_floaters(
+    volume: ArrayLike, level: float = 0.5, *, largest: bool = False, min_fraction: float = 0.0
+) -> np.ndarray:
+    """The volume without its small loose parts.
+
+    Parts are the 26-connected components of {v > level}; those with fewer than `min_fraction` of the voxels of
+    the largest are set to zero, and all but the largest if `largest`.
+    """
+    v = np.asarray(volume)
+    parts, n = ndimage.label(v > level, structure=np.ones((3, 3, 3)))
+    if n < 2:
+        return v
+    voxels = np.bincount(parts.ravel())
+    voxels[0] = 0
+    dropped = voxels < min_fraction * voxels.max()
+    if largest:
+        dropped = np.arange(n + 1) != voxels.argmax()
+    dropped[0] = False
+    return np.where(dropped[parts], 0, v)
+
+
+def without_cavities(volume: ArrayLike, level: float = 0.5) -> np.ndarray:
+    """The volume with every hollow that no path from outside reaches filled: nobody can see it."""
+    v = np.asarray(volume)
+    hidden = ndimage.binary_fill_holes(v > level) & (v <= level)
+    return np.where(hidden, 1, v)
+
+
+def _checked(volume: ArrayLike, level: float) -> np.ndarray:
+    v = np.asarray(volume, dtype=np.float32)
+    if v.ndim != 3:
+        raise UserError(f"a volume has three axes, this array has shape {v.shape}: pass one shape at a time")
+    if not np.isfinite(v).all():
+        raise UserError("the volume holds NaN or infinity: the run that made it has diverged, use an earlier checkpoint")
+    if not 0.01 <= level <= 0.99:
+        raise UserError(f"level {level} is not between 0.01 and 0.99: use 0.5 for the middle of the surface")
+    return v
+
+
+def _taubin(vertices: np.ndarray, faces: np.ndarray, rounds: int) -> np.ndarray:
+    """x ← x + λ L x, x ← x - μ L x with L = mean of the neighbours - x."""
+    if rounds == 0:
+        return vertices
+    mean = _neighbour_mean(faces, len(vertices))
+    shrink, grow = _TAUBIN
+    for _ in range(rounds):
+        vertices = vertices + shrink * (mean @ vertices - vertices)
+        vertices = vertices - grow * (mean @ vertices - vertices)
+    return vertices
+
+
+def _neighbour_mean(faces: np.ndarray, n: int) -> sparse.csr_matrix:
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    # A closed oriented mesh holds every edge once in each direction, so this is already symmetric.
+    adjacency = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    return sparse.diags(1 / np.maximum(adjacency.sum(axis=1).A1, 1)) @ adjacency
