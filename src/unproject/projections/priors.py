@@ -1,0 +1,164 @@
+"""Prior: a distribution over the latent parameters θ of a projection."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from .._types import UserError
+
+TURN = 2 * math.pi
+
+
+class Prior(ABC):
+    """p(θ): draws latents by name and says which latents it could have drawn."""
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """The latents it draws."""
+
+    @abstractmethod
+    def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
+        """n draws: name → (n,) float32."""
+
+    @abstractmethod
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        """(n,) bool: whether each given set of latents lies in the support."""
+
+
+@dataclass(frozen=True)
+class Uniform(Prior):
+    """θ = low + (high - low) u, u ~ U[0, 1). With `period`, membership is tested modulo the period."""
+
+    name: str
+    low: float
+    high: float
+    period: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low <= self.high):
+            raise UserError(f"Uniform({self.name!r}, {self.low}, {self.high}): give finite low <= high")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.name,)
+
+    def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
+        return {self.name: self.low + (self.high - self.low) * torch.rand(n, generator=rng)}
+
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        value = latents[self.name]
+        if self.period is not None:
+            value = torch.remainder(value - self.low, self.period) + self.low
+        return (value >= self.low) & ((value < self.high) | (value == self.low))
+
+
+@dataclass(frozen=True)
+class Product(Prior):
+    """Independent factors: p(θ) = Π_j p_j(θ_j). `Product()` draws nothing, for projections without latents."""
+
+    factors: tuple[Prior, ...]
+
+    def __init__(self, *factors: Prior) -> None:
+        object.__setattr__(self, "factors", factors)
+        if len(set(self.names)) < len(self.names):
+            raise UserError(f"Product: the factors draw the same latent twice ({', '.join(self.names)})")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(name for factor in self.factors for name in factor.names)
+
+    def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
+        return {name: v for factor in self.factors for name, v in factor.sample(n, rng).items()}
+
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        n = len(next(iter(latents.values()))) if latents else 0
+        inside = torch.ones(n, dtype=torch.bool)
+        for factor in self.factors:
+            inside = inside & factor.contains(latents)
+        return inside
+
+
+@dataclass(frozen=True)
+class Mixture(Prior):
+    """p(θ) = Σ_k w_k p_k(θ); equal weights unless given."""
+
+    parts: tuple[Prior, ...]
+    weights: tuple[float, ...]
+
+    def __init__(self, parts: Sequence[Prior], weights: Sequence[float] | None = None) -> None:
+        weights = [1.0] * len(parts) if weights is None else list(weights)
+        if not parts or len(weights) != len(parts) or min(weights) < 0 or sum(weights) <= 0:
+            raise UserError("Mixture: give at least one part and one non-negative weight a part, not all zero")
+        if len({part.names for part in parts}) != 1:
+            raise UserError("Mixture: all parts must draw the same latents in the same order")
+        object.__setattr__(self, "parts", tuple(parts))
+        object.__setattr__(self, "weights", tuple(w / sum(weights) for w in weights))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.parts[0].names
+
+    def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
+        which = torch.multinomial(torch.tensor(self.weights), n, replacement=True, generator=rng)
+        return sample_each(self.parts, which, rng)
+
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        return torch.stack([part.contains(latents) for part in self.parts]).any(0)
+
+
+class Bins(Mixture):
+    """`count` equal adjacent bins of a turn, the first centred on `centre`; uniform inside each.
+
+    The parts are the bins: `bins.parts[k]` is the prior of bin k.
+    """
+
+    def __init__(self, name: str, count: int, centre: float = 0.0, period: float = TURN) -> None:
+        if count < 1:
+            raise UserError(f"Bins({name!r}): count must be at least 1, not {count}")
+        width = period / count
+        super().__init__(
+            [Uniform(name, centre + (k - 0.5) * width, centre + (k + 0.5) * width, period) for k in range(count)]
+        )
+
+
+@dataclass(frozen=True)
+class Empirical(Prior):
+    """Draws rows of a table of latents, with replacement: the views found in a real collection."""
+
+    table: Mapping[str, Tensor]
+
+    def __post_init__(self) -> None:
+        lengths = {len(column) for column in self.table.values()}
+        if len(lengths) != 1 or 0 in lengths:
+            raise UserError("Empirical: give at least one row, and columns of one length")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.table)
+
+    def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
+        length = len(next(iter(self.table.values())))
+        rows = torch.randint(length, (n,), generator=rng)
+        return {name: column.float()[rows] for name, column in self.table.items()}
+
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        known = torch.stack([self.table[name].float() for name in self.names], 1)
+        asked = torch.stack([latents[name].float() for name in self.names], 1)
+        return (asked[:, None] == known[None]).all(-1).any(-1)
+
+
+def sample_each(priors: Sequence[Prior], which: Tensor, rng: torch.Generator) -> dict[str, Tensor]:
+    """Row b is drawn from `priors[which[b]]`; the priors must draw the same latents."""
+    drawn = {name: torch.empty(len(which)) for name in priors[0].names}
+    for k in which.unique().tolist():
+        rows = which == k
+        for name, values in priors[k].sample(int(rows.sum()), rng).items():
+            drawn[name][rows] = values
+    return drawn
