@@ -1,0 +1,92 @@
+"""What every exporter takes and gives back: a checked batch of volumes, and an account of what was written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from unproject._files import atomic_path
+from unproject._types import UserError
+
+
+@dataclass(frozen=True)
+class Written:
+    """The files that were written, and (shape, reason) for each shape that was not."""
+
+    paths: tuple[Path, ...]
+    skipped: tuple[tuple[str, str], ...] = ()
+
+
+def as_batch(volumes: ArrayLike) -> np.ndarray:
+    """(B, X, Y, Z) float32 from a tensor or an array with or without the batch axis.
+
+    Raises:
+        UserError: no shapes, a wrong number of axes, or values that are not finite (naming the first such shape).
+    """
+    detached: Any = volumes.detach().cpu() if hasattr(volumes, "detach") else volumes  # pyright: ignore
+    batch = np.asarray(detached, dtype=np.float32)
+    batch = batch[None] if batch.ndim == 3 else batch
+    if batch.ndim != 4 or batch.size == 0:
+        raise UserError(f"cannot export an array of shape {batch.shape}: volumes are (N, X, Y, Z) with N at least 1")
+    finite = np.isfinite(batch).all(axis=(1, 2, 3))
+    if not finite.all():
+        raise UserError(f"shape {int(finite.argmin())} holds NaN or infinity: sample an earlier checkpoint of the run")
+    return batch
+
+
+def numbered(n: int) -> tuple[str, ...]:
+    """shape_00, shape_01, ...: names that sort in order."""
+    digits = max(2, len(str(n - 1)))
+    return tuple(f"shape_{i:0{digits}d}" for i in range(n))
+
+
+def names_for(batch: np.ndarray, names: Sequence[str] | None) -> tuple[str, ...]:
+    """The names given, checked, or numbers."""
+    if names is None:
+        return numbered(len(batch))
+    if len(set(names)) != len(batch):
+        raise UserError(f"{len(batch)} shapes need {len(batch)} different names, {len(set(names))} were given")
+    return tuple(names)
+
+
+def keep_usable(names: Sequence[str], make: Callable[[int], Any]) -> tuple[dict[str, Any], tuple[tuple[str, str], ...]]:
+    """{name: make(i)}, and (name, reason) for each shape whose making is a UserError.
+
+    Raises:
+        UserError: not one shape is usable; the message is the first reason.
+    """
+    made, skipped = {}, []
+    for i, name in enumerate(names):
+        try:
+            made[name] = make(i)
+        except UserError as error:
+            skipped.append((name, str(error)))
+    if not made:
+        raise UserError(skipped[0][1] if len(skipped) == 1 else f"all {len(skipped)} shapes: {skipped[0][1]}")
+    return made, tuple(skipped)
+
+
+def is_file(path: Path, suffix: str) -> bool:
+    """A path that ends in the format's suffix is one file, any other a folder."""
+    return path.suffix.lower() == suffix and not path.is_dir()
+
+
+def floor_grid(n: int, spacing: float) -> Iterator[tuple[float, float]]:
+    """(x, z) of n shapes in rows on the floor, centred on the origin, the first row towards the viewer."""
+    columns = int(np.ceil(np.sqrt(n)))
+    rows = int(np.ceil(n / columns))
+    for i in range(n):
+        row, column = divmod(i, columns)
+        yield (column - (columns - 1) / 2) * spacing, ((rows - 1) / 2 - row) * spacing
+
+
+def save(path: Path, content: bytes | str) -> Path:
+    """Write the file whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path

@@ -1,0 +1,148 @@
+"""Triangle meshes: closed, right side out, +y up, in the units of the volume ([-1, 1]³).
+
+Formats: glTF binary (.glb: Blender, Unity, Unreal, the web), Wavefront .obj and .ply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
+
+from unproject._types import UserError
+from unproject.export._volumes import Written, as_batch, floor_grid, is_file, keep_usable, names_for, save
+from unproject.ops.isosurface import isosurface, without_cavities
+
+# Linear, as glTF wants it.
+CLAY = (0.62, 0.43, 0.32)
+# A volume is two units wide.
+_SPACING = 2.5
+
+
+def mesh(
+    volume: ArrayLike,
+    *,
+    level: float = 0.5,
+    smooth: int = 6,
+    min_fraction: float = 0.02,
+    faces: int | None = None,
+    name: str = "the shape",
+) -> trimesh.Trimesh:
+    """The closed surface of one (X, Y, Z) volume, smooth-shaded, in matte clay.
+
+    Args:
+        level: the occupancy on the surface.
+        smooth: rounds of smoothing against voxel steps; 0 keeps the steps.
+        min_fraction: loose parts with fewer voxels than this part of the largest are dropped; hollows are filled.
+        faces: a budget of triangles, kept only if the decimated mesh is still closed.
+        name: how an error calls the shape.
+
+    Raises:
+        UserError: nothing lies above the level.
+    """
+    v = as_batch(volume)[0]
+    vertices, triangles = isosurface(without_cavities(v, level), level, smooth=smooth, min_fraction=min_fraction)
+    if len(triangles) == 0:
+        raise UserError(
+            f"{name} is empty: its highest occupancy is {v.max():.2f} and the surface lies at {level}; "
+            "train longer, sample another seed or lower the level"
+        )
+    surface = _decimated(trimesh.Trimesh(vertices, triangles, process=False), faces)
+    surface.visual = TextureVisuals(material=_clay())
+    return surface
+
+
+def glb(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any) -> Written:
+    """glTF binary. A path ending in .glb becomes one scene with a node for each shape, laid out in rows on the
+    floor around the origin; any other path becomes a folder with a file for each shape.
+
+    Args:
+        volumes: (N, X, Y, Z) or (X, Y, Z), a tensor or an array.
+        names: of the nodes or files; shape_00, shape_01, ... if left out.
+        options: those of `mesh`.
+
+    Raises:
+        UserError: no shape has a surface. OSError: the disk. Empty shapes among others are in `Written.skipped`.
+    """
+    return _write(volumes, path, ".glb", lambda scene: scene.export(file_type="glb", include_normals=True), names, options)
+
+
+def obj(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any) -> Written:
+    """Wavefront, with normals and without material: one file (an object for each shape) or a folder, as `glb`."""
+    return _write(volumes, path, ".obj", _obj_text, names, options)
+
+
+def ply(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any) -> Written:
+    """Binary PLY with normals: one file (all shapes in one mesh) or a folder, as `glb`."""
+    return _write(volumes, path, ".ply", _ply_bytes, names, options)
+
+
+def _write(
+    volumes: ArrayLike,
+    path: str | PathLike[str],
+    suffix: str,
+    encode: Callable[[trimesh.Scene], bytes | str],
+    names: Sequence[str] | None,
+    options: dict[str, Any],
+) -> Written:
+    batch, path = as_batch(volumes), Path(path)
+    names = names_for(batch, names)
+    meshes, skipped = keep_usable(names, lambda i: mesh(batch[i], name=names[i], **options))
+    if is_file(path, suffix):
+        return Written((save(path, encode(_scene(meshes))),), skipped)
+    files = (save(path / f"{name}{suffix}", encode(_scene({name: m}))) for name, m in meshes.items())
+    return Written(tuple(files), skipped)
+
+
+def _scene(meshes: dict[str, trimesh.Trimesh]) -> trimesh.Scene:
+    scene = trimesh.Scene()
+    for (name, surface), (x, z) in zip(meshes.items(), floor_grid(len(meshes), _SPACING), strict=True):
+        place = trimesh.transformations.translation_matrix([x, 0, z])
+        scene.add_geometry(surface, node_name=name, geom_name=name, transform=place)
+    return scene
+
+
+def _placed(scene: trimesh.Scene) -> dict[str, trimesh.Trimesh]:
+    """Each node's mesh in the coordinates of the scene, for formats that have no nodes."""
+    return {n: scene.geometry[n].copy().apply_transform(scene.graph[n][0]) for n in scene.graph.nodes_geometry}
+
+
+def _obj_text(scene: trimesh.Scene) -> str:
+    lines, first = ["# unproject: y up, object in [-1, 1]"], 1
+    for name, surface in _placed(scene).items():
+        lines.append(f"o {name}")
+        lines += [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in surface.vertices]
+        lines += [f"vn {x:.5f} {y:.5f} {z:.5f}" for x, y, z in surface.vertex_normals]
+        lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in surface.faces + first]
+        first += len(surface.vertices)
+    return "\n".join(lines) + "\n"
+
+
+def _ply_bytes(scene: trimesh.Scene) -> bytes:
+    joined = trimesh.util.concatenate(list(_placed(scene).values()))
+    joined.visual = trimesh.visual.ColorVisuals()
+    return joined.export(file_type="ply", vertex_normal=True)
+
+
+def _decimated(surface: trimesh.Trimesh, faces: int | None) -> trimesh.Trimesh:
+    """Quadric edge collapse to at most `faces` triangles, or the mesh as it was if that would open or fold it."""
+    if faces is None or faces >= len(surface.faces):
+        return surface
+    import fast_simplification  # only those who ask for a budget pay for it
+
+    points, triangles = fast_simplification.simplify(
+        np.asarray(surface.vertices, np.float32), np.asarray(surface.faces, np.int32), target_count=faces
+    )
+    smaller = trimesh.Trimesh(points, triangles, process=False)
+    return smaller if smaller.is_watertight and smaller.is_winding_consistent and smaller.volume > 0 else surface
+
+
+def _clay() -> PBRMaterial:
+    return PBRMaterial(name="clay", baseColorFactor=[*CLAY, 1.0], metallicFactor=0.0, roughnessFactor=0.85)
