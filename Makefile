@@ -1,0 +1,52 @@
+# Everything runs in a fresh clone: each target installs what it needs first.
+PYTHON ?= python3
+WORKERS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.PHONY: install demo test lint format pytest bench clean
+.DEFAULT_GOAL := install
+
+install: $(STAMP)
+
+# torch first and pinned: a bare range would bring the newest build for GPUs, several gigabytes of it.
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "unproject: the pinned environment needs Python 3.11 or newer, this is %d.%d: make install PYTHON=python3.11" % v or 0)'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) torch==2.13.0
+	$(PIP) -e '.[dev]'
+	@touch $@
+
+demo: install
+	$(BIN)/unproject demo
+
+test: lint pytest
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+format: install
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# One thread a worker: two workers on two cores, and numbers that do not depend on the thread count.
+pytest: install tests/gltf/node_modules
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) $(PYTEST_ARGS)
+
+# The Khronos glTF validator, an outside oracle; without npm or a network its tests are skipped.
+tests/gltf/node_modules: $(wildcard tests/gltf/package-lock.json)
+	@if [ -f tests/gltf/package-lock.json ] && command -v npm >/dev/null; then \
+	    npm ci --silent --no-audit --no-fund --prefix tests/gltf && touch $@ \
+	    || echo "unproject: the glTF validator could not be installed; its tests will be skipped"; \
+	fi
+
+bench: install
+	$(BIN)/python benchmarks/run.py
+
+clean:
+	rm -rf build dist .pytest_cache .ruff_cache .hypothesis .benchmarks tests/gltf/node_modules
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -1,0 +1,79 @@
+"""From `module:name` or `path/to/file.py:name` to the object: how a user's own parts are found.
+
+There is no registry: whatever Python can import, the command line can use.
+"""
+
+from __future__ import annotations
+
+import sys
+from difflib import get_close_matches
+from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from ._types import UserError
+
+
+def find_object(where: str) -> Any:
+    """The object named `module:name` or `path/to/file.py:name`; `name` may be dotted.
+
+    Modules are looked for in the current directory too; a file may import its neighbours.
+
+    Raises:
+        UserError: if there is no such file, module or name, or if importing it fails.
+    """
+    source, _, name = where.rpartition(":")
+    if not source or not name:
+        raise UserError(f"{where!r} names no object: write module:name or path/to/file.py:name")
+    found: Any = _module_in_file(Path(source)) if source.endswith(".py") else _module_called(source)
+    for part in name.split("."):
+        if not hasattr(found, part):
+            raise UserError(f"{source} has no {part!r}{nearest(part, dir(found))}; name something it defines")
+        found = getattr(found, part)
+    return found
+
+
+def nearest(name: str, names: Any) -> str:
+    """`. Perhaps you meant 'x'` for the name closest to the one given, or nothing."""
+    close = get_close_matches(name, [n for n in names if not n.startswith("_")], n=1)
+    return f". Perhaps you meant {close[0]!r}" if close else ""
+
+
+def _module_called(name: str) -> ModuleType:
+    _let_import_from(Path.cwd())
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{name}.".startswith(f"{error.name}."):
+            raise _failed(name, error) from error
+        raise UserError(f"there is no module {name!r}: run from its folder, or install it") from error
+    except Exception as error:
+        raise _failed(name, error) from error
+
+
+def _module_in_file(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise UserError(f"{path}: no such file; check the path before the colon")
+    name = f"_unproject_{path.stem}"
+    spec = spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up by name
+    _let_import_from(path.resolve().parent)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise _failed(str(path), error) from error
+    return module
+
+
+def _let_import_from(folder: Path) -> None:
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
+
+
+def _failed(where: str, error: Exception) -> UserError:
+    return UserError(f"importing {where} raised {type(error).__name__}: {error}; mend it and try again")

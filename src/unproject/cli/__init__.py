@@ -1,0 +1,82 @@
+"""The command `unproject VERB ...`: one module a verb.
+
+A verb's module has a function `run`: its positional-only parameters are the verb's arguments, its
+keyword-only ones the flags, its docstring the help; it returns the exit status, None meaning 0.
+A verb whose flags depend on its arguments has `parse(argv)` instead, which returns what to call.
+Nothing here imports torch before a verb needs it.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from .._objects import nearest
+from .._types import UserError
+from ._errors import explain
+
+VERBS = {
+    "demo": "learn chairs from unlabelled silhouettes, here and now, in minutes on a laptop",
+    "train": "train a recipe on a collection of projections",
+    "resume": "go on with a run that was stopped",
+    "sample": "draw new shapes from a run into an .npz file",
+    "evaluate": "score a run",
+    "export": "write meshes, voxels, contact sheets and turntables of new shapes",
+    "recipes": "list the recipes, or show one",
+    "check": "test a projection, prior, observation or generator of your own against the laws",
+    "data": "see what a folder of pictures will be used as",
+}
+"""Verb → one line of help. Its module is `unproject.cli.VERB`."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status: 0, 2 for a user's mistake, 130 for Ctrl-C."""
+    try:
+        return _run(list(sys.argv[1:] if argv is None else argv))
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except (UserError, OSError) as error:
+        print(f"unproject: {explain(error)}", file=sys.stderr)
+        return 2
+
+
+def _run(argv: list[str]) -> int:
+    if not argv or argv[0] in ("-h", "--help", "help"):
+        print(usage())
+        return 0
+    if argv[0] == "--version":
+        from unproject import __version__
+
+        print(f"unproject {__version__}")
+        return 0
+    call = _parsed(argv[0], argv[1:])
+    return 0 if call is None else (call() or 0)
+
+
+def _parsed(verb: str, argv: list[str]) -> Callable[[], int | None] | None:
+    """What to call for a verb and its arguments, or None if they asked for help, which has been printed."""
+    if verb not in VERBS:
+        raise UserError(f"there is no verb {verb!r}{nearest(verb, VERBS)}; `unproject --help` lists them")
+    from ._arguments import HelpPrinted, bind
+
+    module = import_module(f"unproject.cli.{verb}")
+    try:
+        return module.parse(argv) if hasattr(module, "parse") else bind(verb, argv, module.run)[0]
+    except HelpPrinted:
+        return None
+
+
+def usage() -> str:
+    """What `unproject --help` prints."""
+    verbs = "\n".join(f"  {verb:<9} {line}" for verb, line in VERBS.items())
+    return (
+        "usage: unproject VERB ...\n\n"
+        "Learn generators of things you cannot measure directly from collections of their projections.\n\n"
+        f"verbs:\n{verbs}\n\n"
+        "`unproject VERB --help` tells more. Angles on the command line are in degrees."
+    )

@@ -1,0 +1,190 @@
+"""Typed function signatures become the command line.
+
+`bind("sample", argv, run)` reads `argv` by the signature of `run`: positional-only parameters are
+arguments, the others flags, and the `Args:` section of the docstring is their help. Given several
+functions it reads the union of their parameters; a parameter that two functions share is one flag with
+the default and the help of the first. That is how a recipe's own parameters become flags of
+`unproject train`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import io
+import re
+import types
+import typing
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import docstring_parser
+import tyro
+
+from .._objects import find_object
+from .._types import UserError
+
+_SCALARS = (bool, int, float, str, Path)
+
+
+class HelpPrinted(Exception):
+    """The arguments asked for help, and it has been printed."""
+
+
+def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: int = 0) -> list[Callable[..., Any]]:
+    """Read `argv` by the signatures of `functions`; the same functions with their arguments filled in.
+
+    The first `skip` parameters of the last function are left for the caller to give.
+
+    Raises:
+        UserError: if `argv` does not fit; the message names the nearest flag.
+        HelpPrinted: if `argv` asks for help.
+    """
+    signatures = [_flags(function, skip if function is functions[-1] else 0) for function in functions]
+    options = _options(verb, functions, signatures)
+    values = _read(verb, argv, options)
+    return [_filled(function, signature, values) for function, signature in zip(functions, signatures, strict=True)]
+
+
+def bind_recipe(verb: str, argv: Sequence[str], run: Callable[..., Any]) -> Callable[[], Any]:
+    """Read `RECIPE --flags` for `run(recipe, /, *, ...)`: flags of the recipe's function and of `run`.
+
+    RECIPE is a built-in name, `module:function` or `path/to/file.py:function`. What is returned makes
+    the recipe, by calling its function with the flags it takes, and hands it to `run`.
+    """
+    if argv and not argv[0].startswith("-"):
+        factory = find_recipe(argv[0])
+        make, go = bind(f"{verb} {argv[0]}", argv[1:], factory, run, skip=1)
+        return lambda: go(make())
+    if {"-h", "--help"} & set(argv):
+        print(
+            f"usage: unproject {verb} RECIPE [OPTIONS]\n\n`unproject {verb} RECIPE --help` adds the recipe's own flags."
+        )
+        bind(f"{verb} RECIPE", ["--help"], run, skip=1)
+    raise UserError(f"{verb}: name a recipe first: `unproject {verb} shapes ...`; `unproject recipes` lists them")
+
+
+def find_recipe(name: str) -> Callable[..., Any]:
+    """The function that makes the recipe: a built-in name, `module:function` or `path/to/file.py:function`."""
+    if ":" not in name:
+        from unproject import recipes
+
+        return recipes.find(name)
+    found = find_object(name)
+    if not callable(found):
+        raise UserError(f"{name} is no recipe: name a function that returns an unproject.Recipe")
+    return found
+
+
+def _flags(function: Callable[..., Any], skip: int) -> dict[str, inspect.Parameter]:
+    """The parameters of a function that the command line can give, with their annotations resolved."""
+    parameters = list(inspect.signature(function).parameters.values())[skip:]
+    kinds = _resolved(function, {p.name: p.annotation for p in parameters if p.annotation is not p.empty})
+    found = {}
+    for p in parameters:
+        kind = kinds.get(p.name, str if p.default is p.empty else type(p.default))
+        if _speakable(kind):
+            found[p.name] = p.replace(annotation=kind)
+        elif p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD):
+            raise UserError(f"{_name(function)}: the command line cannot give {p.name!r} ({kind}); give it a default")
+    return found
+
+
+def _resolved(function: Callable[..., Any], annotations: dict[str, Any]) -> dict[str, Any]:
+    plain = inspect.unwrap(function.func if isinstance(function, partial) else function)
+    holder = type("holder", (), {"__annotations__": annotations})
+    return typing.get_type_hints(holder, globalns=getattr(plain, "__globals__", {}), include_extras=True)
+
+
+def _speakable(kind: Any) -> bool:
+    """Whether a value of this type can be typed on a command line."""
+    origin = typing.get_origin(kind)
+    if origin is Literal:
+        return True
+    if origin is Annotated:
+        return _speakable(typing.get_args(kind)[0])
+    if origin in (typing.Union, types.UnionType, tuple, list):
+        return all(_speakable(part) for part in typing.get_args(kind) if part not in (..., type(None)))
+    return kind in _SCALARS or (isinstance(kind, type) and (issubclass(kind, Enum) or dataclasses.is_dataclass(kind)))
+
+
+def _options(verb: str, functions: Sequence[Callable[..., Any]], signatures: Sequence[dict[str, Any]]) -> type:
+    """A dataclass with one field a parameter, which tyro reads."""
+    fields: dict[str, tuple[str, Any, Any]] = {}
+    for function, signature in zip(functions, signatures, strict=True):
+        text = docstring_parser.parse(inspect.getdoc(function) or "")
+        help_of = {p.arg_name: " ".join((p.description or "").split()) for p in text.params}
+        for name, p in signature.items():
+            fields.setdefault(name, (name, _annotated(p, help_of.get(name, "")), _field(p)))
+    options = dataclasses.make_dataclass("Options", list(fields.values()))
+    options.__doc__ = _description(functions[0])
+    return options
+
+
+def _annotated(p: inspect.Parameter, text: str) -> Any:
+    positional = p.kind is p.POSITIONAL_ONLY
+    argument = tyro.conf.arg(help=text or None, metavar=p.name.upper() if positional else None)
+    kind = Annotated[_without_none(p), argument]
+    return tyro.conf.Positional[kind] if positional else kind
+
+
+def _without_none(p: inspect.Parameter) -> Any:
+    """`T | None = None` read as plain T: None means that the flag was left out, nobody types it."""
+    parts = [part for part in typing.get_args(p.annotation) if part is not type(None)]
+    if p.default is not None or len(parts) != 1 or parts[0] not in (int, float, str, Path):
+        return p.annotation
+    read = parts[0]
+    spec = tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=read.__name__.upper(),
+        instance_from_str=lambda words: read(words[0]),
+        is_instance=lambda value: value is None or isinstance(value, read),
+        str_from_instance=lambda value: [str(value)],
+    )
+    return Annotated[p.annotation, spec]
+
+
+def _field(p: inspect.Parameter) -> Any:
+    if p.default is p.empty:
+        return dataclasses.field(kw_only=True)
+    return dataclasses.field(default_factory=lambda: p.default, kw_only=True)
+
+
+def _description(function: Callable[..., Any]) -> str:
+    text = docstring_parser.parse(inspect.getdoc(function) or "")
+    return "\n\n".join(part for part in (text.short_description, text.long_description) if part)
+
+
+def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            read = tyro.cli(options, args=list(argv), prog=f"unproject {verb}", config=(tyro.conf.FlagCreatePairsOff,))
+    except SystemExit as end:
+        if not end.code:
+            raise HelpPrinted from None
+        raise UserError(f"{verb}: {_in_one_line(said.getvalue())} (`unproject {verb} --help`)") from None
+    return {field.name: getattr(read, field.name) for field in dataclasses.fields(read)}
+
+
+def _in_one_line(box: str) -> str:
+    """tyro's box of several lines as one: what is wrong, and the flag that was perhaps meant."""
+    text = "\n".join(line.strip("│ ") for line in box.splitlines() if line[:1] not in "╭╰")
+    wrong, *more = re.split(r"\n─+\n", text)
+    meant = re.findall(r"^--[\w.-]+", "\n".join(more), re.MULTILINE) if wrong.startswith("Unrecognized") else []
+    hint = f". Perhaps you meant {', '.join(dict.fromkeys(meant))}" if meant else ""
+    return wrong[:1].lower() + " ".join(wrong[1:].split()).rstrip(".") + hint
+
+
+def _filled(function: Callable[..., Any], signature: dict[str, inspect.Parameter], values: dict[str, Any]) -> Any:
+    positional = [values[name] for name, p in signature.items() if p.kind is p.POSITIONAL_ONLY]
+    named = {name: values[name] for name, p in signature.items() if p.kind is not p.POSITIONAL_ONLY}
+    return lambda *given: function(*given, *positional, **named)
+
+
+def _name(function: Any) -> str:
+    return getattr(function, "__name__", type(function).__name__)

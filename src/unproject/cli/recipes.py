@@ -1,0 +1,38 @@
+"""`unproject recipes [list | show NAME]`."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Literal
+
+from .._types import UserError
+from ._arguments import find_recipe
+
+
+def run(action: Literal["list", "show"] = "list", name: str | None = None, /) -> None:
+    """List the recipes, or show one: what it is and the flags it adds to `unproject train`.
+
+    Args:
+        action: `list` all recipes, or `show` one.
+        name: The recipe to show: a built-in name, module:function or path/to/file.py:function.
+    """
+    if action == "show":
+        if name is None:
+            raise UserError("recipes show: name the recipe; `unproject recipes` lists them")
+        print(_shown(name))
+    else:
+        print(_listed())
+
+
+def _listed() -> str:
+    from unproject import recipes
+
+    table = recipes.names()
+    width = max(map(len, table), default=0)
+    return "\n".join(f"{name:<{width}}  {line}" for name, line in table.items())
+
+
+def _shown(name: str) -> str:
+    function = find_recipe(name)
+    lines = [f"{name}{inspect.signature(function)}", "", inspect.getdoc(function) or "(no docstring)"]
+    return "\n".join([*lines, "", f"`unproject train {name} --help` lists its flags."])
