@@ -1,0 +1,24 @@
+"""Pure tensor mathematics: rotation, resampling, occupancy along rays, visual hulls, iso-surfaces."""
+
+from __future__ import annotations
+
+from .hull import visual_hull
+from .occupancy import absorption, any_occupied, capped_sum, expected_depth
+from .resampling import orthographic_rays, perspective_rays, sample_volume
+from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_y
+
+__all__ = [
+    "absorption",
+    "any_occupied",
+    "camera_frame",
+    "capped_sum",
+    "expected_depth",
+    "orthographic_rays",
+    "perspective_rays",
+    "quarter_turn",
+    "reflect_x",
+    "rotate",
+    "rotate_y",
+    "sample_volume",
+    "visual_hull",
+]

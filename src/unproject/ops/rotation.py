@@ -1,0 +1,80 @@
+"""Rotation of volumes into the frame of a camera.
+
+A camera at azimuth a and elevation e stands in direction d and sees the right r and up u of the object as
+
+    r = (cos a, 0, -sin a)      d = (sin a cos e, sin e, cos a cos e)      u = d x r
+
+so that the turned volume is out[i, j, k] = x(i r + j u + k d), zero outside [-1, 1]³.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from .resampling import centres, sample_volume
+
+_SNAP = 1e-6
+
+
+def cos_sin(angle: Tensor) -> tuple[Tensor, Tensor]:
+    """cos and sin of `angle`, a value below 1e-6 made exactly 0 so that quarter turns are exact permutations."""
+    return _snapped(angle.cos()), _snapped(angle.sin())
+
+
+def _snapped(value: Tensor) -> Tensor:
+    return value - torch.where(value.abs() < _SNAP, value, torch.zeros_like(value)).detach()
+
+
+def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
+    """The rows r (right), u (up), d (towards the camera), in the object's frame.
+
+    Args:
+        azimuth: (B,) radians.
+        elevation: (B,) radians; 0 if absent.
+
+    Returns:
+        (B, 3, 3), orthonormal and right-handed.
+    """
+    ca, sa = cos_sin(azimuth)
+    ce, se = cos_sin(torch.zeros_like(azimuth) if elevation is None else elevation)
+    rows = (ca, torch.zeros_like(ca), -sa, -sa * se, ce, -ca * se, sa * ce, se, ca * ce)
+    return torch.stack(rows, -1).unflatten(-1, (3, 3))
+
+
+def rotate(x: Tensor, azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
+    """The volume in the camera's frame, by trilinear interpolation; zero outside. Differentiable in every argument.
+
+    Args:
+        x: (B, X, Y, Z).
+        azimuth: (B,) radians.
+        elevation: (B,) radians; 0 if absent.
+
+    Returns:
+        (B, X, Y, Z): first index to the picture's right, second up, third towards the camera.
+    """
+    if elevation is None:
+        return rotate_y(x, azimuth)
+    axes = torch.meshgrid(*(centres(n, x) for n in x.shape[1:]), indexing="ij")
+    frame = camera_frame(azimuth, elevation)
+    return sample_volume(x, torch.einsum("xyzk,bkj->bxyzj", torch.stack(axes, -1), frame.to(x)))
+
+
+def rotate_y(x: Tensor, azimuth: Tensor) -> Tensor:
+    """`rotate` at elevation 0: every horizontal slice is turned alike, so this is 2-D with the height as channels."""
+    c, s = (value[:, None, None] for value in cos_sin(azimuth.to(x)))
+    u, w = centres(x.shape[1], x)[:, None], centres(x.shape[3], x)
+    grid = torch.stack((w * c - u * s, u * c + w * s), -1)
+    slices = F.grid_sample(x.transpose(1, 2), grid, align_corners=False)
+    return slices.transpose(1, 2)
+
+
+def quarter_turn(x: Tensor, k: int) -> Tensor:
+    """`rotate_y` at azimuth k 90°, as the index permutation that it is."""
+    return torch.rot90(x, k, (1, 3))
+
+
+def reflect_x(x: Tensor) -> Tensor:
+    """The mirror image: left and right exchanged."""
+    return x.flip(1)
