@@ -1,0 +1,128 @@
+"""MMD, COV and 1-NNA of generated volumes against reference volumes, on 1 - IoU and on Chamfer distance.
+
+The gauge is removed first, once for the whole set. Every score names its protocol; see `shape_sets` for the
+formulas, `distances` for the distances and `gauge` for what is removed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from .._random import generator_at
+from .._types import UserError
+from .distances import THRESHOLD, chamfer, check_set, one_minus_iou, surface_points
+from .gauge import Gauge, apply, best_gauge, dihedral
+from .score import Score
+from .shape_sets import coverage, minimum_matching_distance, one_nearest_neighbour_accuracy
+
+SELECTION = 256
+
+
+@torch.no_grad()
+def shape_scores(
+    generated: Tensor,
+    reference: Tensor,
+    *,
+    selection: Tensor | None = None,
+    bins: int | None = 16,
+    points: int = 512,
+    seed: int = 0,
+) -> dict[str, Score]:
+    """How near generated volumes are to reference volumes.
+
+    MMD and COV use the sets whole; 1-NNA uses as many from the head of each as the smaller one has, because it
+    is 0.5 at best only for equal sizes. Sizes matter to all three, so they are part of the protocol: score a
+    baseline, such as the training set itself, with as many shapes.
+
+    Args:
+        generated: (G, N, N, N) in [0, 1].
+        reference: (R, N, N, N), in one frame and upright.
+        selection: other shapes of the reference's family and frame, (S, N, N, N), to choose the gauge on;
+            the references themselves if None, which flatters a little and is said in the protocol. The first
+            256 are used, as are the first 256 generated ones.
+        bins: the gauge's turns are multiples of 2π / bins; None scores the volumes as they stand.
+        points: points a surface for Chamfer.
+        seed: of the surface points.
+
+    Returns:
+        `mmd_iou`, `cov_iou`, `1nna_iou`, `mmd_chamfer`, `cov_chamfer`, `1nna_chamfer`; `empty`, the share of
+        generated volumes with nothing above 0.5; and, unless bins is None, `gauge_turn` (in bins) and
+        `gauge_reflected` (0 or 1), what was applied to the generated set.
+
+    Raises:
+        UserError: for an empty set, NaN, or volumes that are not cubes of one size.
+    """
+    check_set(generated, "generated")
+    check_set(reference, "reference")
+    if generated.ndim != 4 or generated.shape[1:] != reference.shape[1:]:
+        raise UserError(
+            f"shape scores: generated volumes are {tuple(generated.shape)} and references {tuple(reference.shape)}; "
+            "give (count, N, N, N) volumes of one size"
+        )
+    gauge, chosen = _choose_gauge(generated, reference, selection, bins)
+    turned = apply(generated, gauge) if gauge else generated
+    setting = f"{generated.shape[-1]}^3 at {THRESHOLD}, {{}} generated vs {{}} reference, {chosen}"
+    cloud = f"chamfer: sum of two-sided mean squared distances, {points} points on voxel faces, box side 2"
+    clouds = [surface_points(x, points, generator_at(seed, i, "surface")) for i, x in enumerate((turned, reference))]
+    scores = set_scores("iou", one_minus_iou, turned, reference, f"1-iou), {setting}", seed)
+    scores |= set_scores("chamfer", chamfer, clouds[0], clouds[1], f"{cloud}), {setting}", seed)
+    scores["empty"] = _empty(generated, seed)
+    return scores | (_gauge_scores(gauge, len(generated), chosen, seed) if gauge else {})
+
+
+def set_scores(
+    name: str,
+    distance: Callable[[Tensor, Tensor], Tensor],
+    generated: Tensor,
+    reference: Tensor,
+    setting: str,
+    seed: int = 0,
+) -> dict[str, Score]:
+    """`mmd_NAME`, `cov_NAME` and `1nna_NAME` of two sets under one distance.
+
+    `setting` ends the protocol "mmd(" and has two `{}` for the sizes of the sets.
+    """
+    across = distance(generated, reference)
+    count, references = across.shape
+    least = min(count, references)
+    accuracy = one_nearest_neighbour_accuracy(
+        distance(generated[:least], generated[:least]),
+        across[:least, :least],
+        distance(reference[:least], reference[:least]),
+    )
+    whole, equal = setting.format(count, references), setting.format(least, least)
+    return {
+        f"mmd_{name}": Score(minimum_matching_distance(across), f"mmd({whole}", count, seed),
+        f"cov_{name}": Score(coverage(across), f"cov({whole}", count, seed),
+        f"1nna_{name}": Score(accuracy, f"1nna({equal}", least, seed),
+    }
+
+
+def _choose_gauge(
+    generated: Tensor, reference: Tensor, selection: Tensor | None, bins: int | None
+) -> tuple[Gauge | None, str]:
+    """The gauge and the words of the protocol that say how it was chosen."""
+    if bins is None:
+        return None, "gauge as it stands"
+    chosen_on = (reference if selection is None else selection)[:SELECTION]
+    gauge = best_gauge(generated[:SELECTION], chosen_on, bins)
+    where = "the references" if selection is None else "other shapes"
+    sizes = f"{len(generated[:SELECTION])} generated to {len(chosen_on)} of {where}"
+    return gauge, f"best of {len(dihedral(bins))} dihedral gauges by mmd(1-iou) of {sizes}"
+
+
+def _empty(generated: Tensor, seed: int) -> Score:
+    share = (generated.flatten(1).amax(1) <= THRESHOLD).double().mean().item()
+    return Score(share, f"share of volumes with nothing above {THRESHOLD}", len(generated), seed)
+
+
+def _gauge_scores(gauge: Gauge, n: int, chosen: str, seed: int) -> dict[str, Score]:
+    turn = f"turn about y applied to the generated set, in 1/{gauge.bins} of a turn, {chosen}"
+    reflected = f"1 if the generated set was reflected in x before the turn, {chosen}"
+    return {
+        "gauge_turn": Score(float(gauge.turn), turn, n, seed),
+        "gauge_reflected": Score(float(gauge.reflected), reflected, n, seed),
+    }

@@ -1,0 +1,156 @@
+"""How many views were recognised, up to the gauge: a turn and a reflection cannot be told from silhouettes.
+
+With predicted bins p and true bins t of K, and the 2K relabellings q(p) = ±p + c (mod K) of `gauge`,
+
+    exact = max over q of  mean [q(p) = t]          within one = mean [|q(p) - t| ≤ 1 around the circle], same q
+
+Labels that know nothing score above 1/K, because the best of 2K is taken: the chance level is what the same
+maximum gives on average when the predicted labels are shuffled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from .._random import generator_at
+from .._types import UserError
+from .gauge import Gauge, dihedral
+from .score import Score
+
+TRIALS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class ViewAccuracy:
+    """What `view_accuracy` found.
+
+    Attributes:
+        exact: share of views in the right bin, in the best gauge.
+        within_one: share in the right bin or one next to it, in that same gauge.
+        gauge: what takes the shapes whose views were predicted into the frame of the true views: it is the
+            `best_gauge(generated, reference)` a perfect generator would have. true = gauge.inverse.view(p).
+        confusion: (K, K) counts, rows the true bin, columns the predicted bin after relabelling.
+        chance_exact, chance_within_one: what labels that know nothing score on average.
+    """
+
+    exact: float
+    within_one: float
+    gauge: Gauge
+    confusion: Tensor
+    chance_exact: float
+    chance_within_one: float
+
+    @property
+    def n(self) -> int:
+        """How many views were compared."""
+        return int(self.confusion.sum())
+
+
+def view_accuracy(
+    predicted: Tensor, true: Tensor, bins: int = 16, *, seed: int = 0, trials: int = TRIALS
+) -> ViewAccuracy:
+    """Accuracy of predicted view bins, maximised over the 2 · bins dihedral relabellings.
+
+    Of relabellings with equal `exact` the one with the larger `within_one` is taken, then the first.
+
+    Args:
+        predicted: (N,) integers in [0, bins).
+        true: (N,) integers in [0, bins).
+        bins: azimuth bins of a full turn, an even number.
+        seed, trials: of the Monte Carlo chance level.
+
+    Raises:
+        UserError: if there are no labels, their numbers differ, or one lies outside [0, bins).
+    """
+    _check_labels(predicted, true, bins)
+    table = _relabellings(bins)
+    found = _confusions(predicted[None].long(), true.long(), bins)
+    exact, within = (score[0] for score in _scores(found, table))
+    best = max(range(len(table)), key=lambda q: (exact[q].item(), within[q].item()))
+    counts = [torch.bincount(labels.long(), minlength=bins) for labels in (predicted, true)]
+    chance = chance_level(counts[0], counts[1], seed=seed, trials=trials)
+    confusion = found[0][:, table[best].argsort()].long()
+    gauge = dihedral(bins)[best]
+    return ViewAccuracy(exact[best].item(), within[best].item(), gauge, confusion, *chance)
+
+
+def chance_level(
+    predicted_counts: Tensor, true_counts: Tensor, *, seed: int = 0, trials: int = TRIALS
+) -> tuple[float, float]:
+    """What `view_accuracy` gives on average, (exact, within one), for labels independent of the truth.
+
+    Monte Carlo over shuffles of the predicted labels, so both sets keep their histograms: a predictor that
+    says the same bin always is compared with one that does so too. For n uniform views of K give
+    `torch.full((K,), n // K)` twice.
+
+    Args:
+        predicted_counts: (K,) how often each bin was predicted.
+        true_counts: (K,) how often each bin is true; the same total.
+        trials: shuffles; the standard error is that of one score over √trials.
+    """
+    bins = len(true_counts)
+    predicted, true = (torch.arange(bins).repeat_interleave(c.long()) for c in (predicted_counts, true_counts))
+    _check_labels(predicted, true, bins)
+    rng, table = generator_at(seed, 0, "chance"), _relabellings(bins)
+    shuffled = torch.stack([predicted[torch.randperm(len(predicted), generator=rng)] for _ in range(trials)])
+    exact, within = _scores(_confusions(shuffled, true, bins), table)
+    best = exact.argmax(1, keepdim=True)
+    return exact.amax(1).mean().item(), within.gather(1, best).mean().item()
+
+
+def of_ceiling(accuracy: ViewAccuracy, ceiling: ViewAccuracy) -> float:
+    """exact / exact of a predictor trained on the true labels: 1 means nothing was lost by not knowing them."""
+    if ceiling.exact <= 0:
+        raise UserError("of_ceiling: the ceiling recognised no view at all; train the supervised predictor first")
+    return accuracy.exact / ceiling.exact
+
+
+def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, seed: int = 0) -> dict[str, Score]:
+    """`view_exact`, `view_within_one`, their chance levels and, with a ceiling, it and the share of it reached."""
+    bins, n = accuracy.gauge.bins, accuracy.n
+    setting = f"{bins} azimuth bins, best of {2 * bins} dihedral relabellings by exact accuracy, {n} views"
+    values = {
+        "view_exact": (accuracy.exact, "exact accuracy"),
+        "view_within_one": (accuracy.within_one, "accuracy within one bin"),
+        "view_chance_exact": (accuracy.chance_exact, "mean exact accuracy of shuffled labels"),
+        "view_chance_within_one": (accuracy.chance_within_one, "mean accuracy within one bin of shuffled labels"),
+    }
+    if ceiling is not None:
+        values["view_ceiling_exact"] = (ceiling.exact, "exact accuracy of a predictor trained on true labels")
+        values["view_of_ceiling"] = (of_ceiling(accuracy, ceiling), "exact accuracy over that of the ceiling")
+    return {name: Score(value, f"{what}, {setting}", n, seed) for name, (value, what) in values.items()}
+
+
+def _relabellings(bins: int) -> Tensor:
+    """Q[g, p]: the true bin that prediction p stands for if gauge g takes the learned frame to the true one."""
+    return torch.stack([gauge.inverse.view(torch.arange(bins)) for gauge in dihedral(bins)])
+
+
+def _confusions(predicted: Tensor, true: Tensor, bins: int) -> Tensor:
+    """C[i, t, p]: how often t was called p in row i of `predicted` (I, N)."""
+    cell = (torch.arange(len(predicted))[:, None] * bins + true) * bins + predicted
+    return torch.bincount(cell.flatten(), minlength=len(predicted) * bins**2).view(-1, bins, bins).double()
+
+
+def _scores(confusions: Tensor, table: Tensor) -> tuple[Tensor, Tensor]:
+    """(exact, within one) of every confusion under every relabelling: (I, 2K) each."""
+    bins = confusions.shape[-1]
+    off = (table[:, None, :] - torch.arange(bins)[None, :, None]).remainder(bins)
+    hit, near = (off == 0).double(), ((off <= 1) | (off == bins - 1)).double()
+    total = confusions.sum((1, 2))[:, None]
+    exact, within = (torch.einsum("itp,gtp->ig", confusions, mask) / total for mask in (hit, near))
+    return exact, within
+
+
+def _check_labels(predicted: Tensor, true: Tensor, bins: int) -> None:
+    if predicted.ndim != 1 or predicted.shape != true.shape or len(true) == 0:
+        raise UserError(
+            f"views: give one predicted and one true bin a picture, at least one, not {tuple(predicted.shape)} "
+            f"and {tuple(true.shape)}"
+        )
+    both = torch.stack([predicted.long(), true.long()])
+    if both.min() < 0 or both.max() >= bins:
+        raise UserError(f"views: bins run from 0 to {bins - 1}, but {int(both.min())}...{int(both.max())} were given")
