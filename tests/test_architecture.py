@@ -1,0 +1,149 @@
+"""The floors of the house: imports go down only, packages on one floor do not import each other, no circles."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "unproject"
+
+FLOORS = (
+    ("_types", "_random", "_files", "_objects"),
+    ("ops",),
+    ("projections", "networks", "data", "metrics", "export"),
+    ("adversarial", "testing"),
+    ("training",),
+    ("recipes",),
+    ("cli", "studio"),
+)
+FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
+FOUNDATIONS = frozenset(FLOORS[0])
+ROOTS = frozenset({"unproject", "unproject.__main__"})
+"""The front door and `python -m unproject` point at everything, lazily; the floors do not bind them."""
+
+
+def modules(source: Path) -> dict[str, Path]:
+    """Dotted name → file, of every module under a package's folder."""
+    named = {}
+    for path in sorted(source.rglob("*.py")):
+        parts = path.relative_to(source.parent).with_suffix("").parts
+        named[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return named
+
+
+def imports(name: str, path: Path, known: set[str]) -> Iterator[str]:
+    """The package's own modules that a module imports, wherever in its text."""
+    base = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            targets = [(alias.name, "") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            above = ".".join(base[: len(base) + 1 - node.level]) if node.level else ""
+            module = ".".join(part for part in (above, node.module or "") if part)
+            targets = [(module, alias.name) for alias in node.names]
+        else:
+            continue
+        for module, attribute in targets:
+            deeper = f"{module}.{attribute}"
+            if deeper in known or module in known:
+                yield deeper if deeper in known else module
+
+
+def graph(source: Path) -> dict[str, set[str]]:
+    named = modules(source)
+    return {name: set(imports(name, path, set(named))) - {name} for name, path in named.items() if name not in ROOTS}
+
+
+def part(module: str) -> str:
+    """`unproject.data.chairs` → `data`."""
+    return module.split(".")[1] if "." in module else module
+
+
+def wrong_imports(edges: dict[str, set[str]]) -> list[str]:
+    """Every import that goes up, sideways, or to a part that stands on no floor."""
+    wrong = []
+    for module, targets in edges.items():
+        for target in targets - ROOTS:
+            here, there = part(module), part(target)
+            allowed = here == there or FLOOR_OF[here] > FLOOR_OF[there] or {here, there} <= FOUNDATIONS
+            if not allowed:
+                wrong.append(f"{module} (floor {FLOOR_OF[here]}) imports {target} (floor {FLOOR_OF[there]})")
+    return sorted(wrong)
+
+
+def circle(edges: dict[str, set[str]]) -> list[str]:
+    """One import circle, or an empty list."""
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_every_part_stands_on_a_floor() -> None:
+    assert {part(module) for module in graph(SOURCE)} <= set(FLOOR_OF)
+
+
+def test_imports_go_down_only() -> None:
+    assert wrong_imports(graph(SOURCE)) == []
+
+
+def test_there_is_no_import_circle() -> None:
+    assert circle(graph(SOURCE)) == []
+
+
+def test_the_foundations_import_nothing_but_each_other() -> None:
+    edges = graph(SOURCE)
+    assert all(part(target) in FOUNDATIONS for name in FOUNDATIONS for target in edges.get(f"unproject.{name}", ()))
+
+
+MUTANTS = {
+    "up": ("ops/rotation.py", "from ..training import loop"),
+    "up, lazily": ("ops/rotation.py", "def f():\n    from unproject.training.loop import step"),
+    "up, for types only": (
+        "ops/rotation.py",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import unproject.cli",
+    ),
+    "up, through the front door": ("data/folder.py", "from unproject import training"),
+    "sideways": ("data/folder.py", "from ..metrics.score import iou"),
+    "sideways, whole package": ("data/folder.py", "from .. import metrics"),
+}
+
+
+@pytest.mark.parametrize("where, text", MUTANTS.values(), ids=list(MUTANTS))
+def test_a_wrong_import_is_caught(tmp_path: Path, where: str, text: str) -> None:
+    assert wrong_imports(graph(house(tmp_path))) == []
+    assert len(wrong_imports(graph(house(tmp_path, {where: text})))) == 1
+
+
+def test_a_circle_is_caught(tmp_path: Path) -> None:
+    assert circle(graph(house(tmp_path))) == []
+    knot = {"data/folder.py": "from .picture import read", "data/picture.py": "from . import folder"}
+    assert set(circle(graph(house(tmp_path, knot)))) == {"unproject.data.folder", "unproject.data.picture"}
+
+
+def house(folder: Path, changed: dict[str, str] | None = None) -> Path:
+    """A small package that keeps the floors, with the given files in place of its own."""
+    sound = {
+        "__init__.py": "",
+        "_types.py": "import torch",
+        "ops/__init__.py": "from .rotation import rotate",
+        "ops/rotation.py": "from .._types import Volume",
+        "metrics/__init__.py": "",
+        "metrics/score.py": "from ..ops import rotation",
+        "data/__init__.py": "from .folder import read",
+        "data/folder.py": "from .._types import UserError",
+        "data/picture.py": "",
+        "training/__init__.py": "",
+        "training/loop.py": "from ..data import folder\nfrom unproject import __version__",
+        "cli/__init__.py": "from unproject.training import loop",
+    }
+    source = folder / "unproject"
+    for name, text in {**sound, **(changed or {})}.items():
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_text(text, encoding="utf-8")
+    return source
