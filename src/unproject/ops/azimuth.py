@@ -39,59 +39,75 @@ class PlaneRays:
     samples: int
     half_depth: float
 
-    def positions(self, column: Tensor, sample: Tensor) -> tuple[Tensor, Tensor]:
-        """Fractional voxel indices (x, z) of the given samples of the given columns."""
-        c, s = (v.view(-1, *[1] * (column.dim() - 1)) for v in cos_sin(self.azimuth))
-        u = self.viewport * ((column * 2 + 1 - self.size) / self.size)
-        w = -self.half_depth * ((sample * 2 + 1 - self.samples) / self.samples)
-        return ((u * c + w * s + 1) * self.plane[0] - 1) / 2, ((w * c - u * s + 1) * self.plane[1] - 1) / 2
-
     def forward(self) -> Gather:
         """A: each sample, (B size samples) rows, gathers the four places around it."""
-        column, sample = self._lattice(self.size, self.samples)
-        x, z = self.positions(column, sample)
-        first = (x.floor(), z.floor())
-        corners = torch.tensor([(0, 0), (0, 1), (1, 0), (1, 1)], device=x.device)
-        xs, zs = first[0][..., None] + corners[:, 0], first[1][..., None] + corners[:, 1]
-        weight = _hat(x[..., None] - xs) * _hat(z[..., None] - zs)
-        return self._rows(xs, zs, self.plane, weight)
+        (x_u, z_u), (x_w, z_w) = self._positions(self._range(self.size), self._range(self.samples))
+        x, z = x_u[:, :, None] + x_w[:, None, :], z_u[:, :, None] + z_w[:, None, :]
+        (xs, x_weight), (zs, z_weight) = _neighbours(x, self.plane[0]), _neighbours(z, self.plane[1])
+        weight = x_weight[..., :, None] * z_weight[..., None, :]
+        return Gather(self._index(xs, zs, self.plane), weight.view(-1, 4))
 
     def adjoint(self) -> Gather:
         """Aᵀ: each place, (B X Z) rows, gathers the samples within one voxel of it."""
-        x, z = self._lattice(*self.plane)
-        column, sample = self._nearby(x, z)
-        at_x, at_z = self.positions(column, sample)
-        weight = _hat(at_x - x[..., None]) * _hat(at_z - z[..., None])
-        return self._rows(column, sample, (self.size, self.samples), weight)
+        column, sample = self._nearby()
+        (x_u, z_u), (x_w, z_w) = self._positions(column, sample)
+        x, z = (self._range(count) for count in self.plane)
+        # A sample that does not exist is infinitely far.
+        x_u = (x_u - x[:, None, None]).masked_fill_((column < 0) | (column >= self.size), math.inf)
+        x_w = x_w.masked_fill_((sample < 0) | (sample >= self.samples), math.inf)
+        weight = _hat(x_u[..., :, None] + x_w[..., None, :])
+        weight *= _hat((z_u - z[:, None])[..., :, None] + z_w[..., None, :])
+        column, sample = column.clamp(0, self.size - 1), sample.clamp(0, self.samples - 1)
+        index = self._index(column, sample, (self.size, self.samples))
+        return Gather(index, weight.view(index.shape))
 
-    def _nearby(self, x: Tensor, z: Tensor) -> tuple[Tensor, Tensor]:
-        """A lattice of samples that covers the turned square of ±1 voxel around each place."""
+    def _positions(self, column: Tensor, sample: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
+        """Fractional voxel indices (x, z) = (x_u + x_w, z_u + z_w): the parts due to the column and to the sample."""
+        (width, depth) = self.plane
+        u = self.viewport * ((column * 2 + 1 - self.size) / self.size)
+        w = -self.half_depth * ((sample * 2 + 1 - self.samples) / self.samples)
+        (c_u, s_u), (c_w, s_w) = self._cos_sin(u), self._cos_sin(w)
+        of_column = ((u * c_u + 1) * width - 1) / 2, ((1 - u * s_u) * depth - 1) / 2
+        return of_column, (w * s_w * width / 2, w * c_w * depth / 2)
+
+    def _nearby(self) -> tuple[Tensor, Tensor]:
+        """(B, X, Z, n): columns, and samples, of a lattice that covers the turned ±1 voxel around each place."""
+        x = ((self._range(self.plane[0]) * 2 + 1) / self.plane[0] - 1)[None, :, None]
+        z = ((self._range(self.plane[1]) * 2 + 1) / self.plane[1] - 1)[None, None, :]
         c, s = (v[:, None, None] for v in cos_sin(self.azimuth))
-        across, along = (2 * x + 1) / self.plane[0] - 1, (2 * z + 1) / self.plane[1] - 1
         reach = 2 * math.sqrt(2) / min(self.plane)
-        columns = _around((across * c - along * s) / self.viewport, reach / self.viewport, self.size)
-        samples = _around(-(across * s + along * c) / self.half_depth, reach / self.half_depth, self.samples)
-        column, sample = torch.broadcast_tensors(columns[..., :, None], samples[..., None, :])
-        return column.flatten(-2), sample.flatten(-2)
+        column = _around((x * c - z * s) / self.viewport, reach / self.viewport, self.size)
+        sample = _around(-(x * s + z * c) / self.half_depth, reach / self.half_depth, self.samples)
+        return column, sample
 
-    def _lattice(self, rows: int, columns: int) -> tuple[Tensor, Tensor]:
-        like = self.azimuth
-        row = torch.arange(rows, dtype=like.dtype, device=like.device).view(1, -1, 1)
-        column = torch.arange(columns, dtype=like.dtype, device=like.device).view(1, 1, -1)
-        first, second = torch.broadcast_tensors(row, column)
-        shape = (len(like), rows, columns)
-        return first.expand(shape), second.expand(shape)
+    def _cos_sin(self, like: Tensor) -> tuple[Tensor, Tensor]:
+        c, s = cos_sin(self.azimuth)
+        shape = (-1, *[1] * max(1, like.dim() - 1))
+        return c.view(shape), s.view(shape)
 
-    def _rows(self, first: Tensor, second: Tensor, shape: tuple[int, int], weight: Tensor) -> Gather:
-        inside = (first >= 0) & (first < shape[0]) & (second >= 0) & (second < shape[1])
+    def _range(self, count: int) -> Tensor:
+        return torch.arange(count, dtype=self.azimuth.dtype, device=self.azimuth.device)
+
+    def _index(self, first: Tensor, second: Tensor, shape: tuple[int, int]) -> Tensor:
+        """Row numbers in a (B shape[0] shape[1]) table, of all pairs of the last dimensions of `first` and `second`."""
         batch = torch.arange(len(self.azimuth), device=first.device).view(-1, *[1] * (first.dim() - 1))
-        index = batch * (shape[0] * shape[1]) + (first * shape[1] + second).long()
-        taps = first.shape[-1]
-        return Gather((index * inside).view(-1, taps), (weight * inside).view(-1, taps))
+        row = (batch * shape[0] + first.long()) * shape[1]
+        index = row[..., :, None] + second.long()[..., None, :]
+        return index.view(-1, first.shape[-1] * second.shape[-1])
 
 
 def _hat(distance: Tensor) -> Tensor:
-    return (1 - distance.abs()).clamp(min=0)
+    """max(0, 1 - |distance|), in place: there are many of these."""
+    return distance.abs_().neg_().add_(1).clamp_(min=0)
+
+
+def _neighbours(position: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """(..., 2): the two cells around `position` and their linear weights, 0 for a cell that does not exist."""
+    first = position.floor()
+    cells = torch.stack((first, first + 1), -1)
+    weights = torch.stack((first + 1 - position, position - first), -1)
+    weights.masked_fill_((cells < 0) | (cells >= count), 0)
+    return cells.clamp_(0, count - 1), weights
 
 
 def _around(position: Tensor, reach: float, count: int) -> Tensor:

@@ -18,6 +18,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from .resampling import centres
 
@@ -31,7 +32,7 @@ def any_occupied(p: Tensor, dim: int = -1) -> Tensor:
     A sample lets at least 1e-6 of the light through; so the gradient Π_{j≠k} (1 - p_j) is found
     by a division, right and finite also where p = 1.
     """
-    return 1 - _NonzeroProduct.apply(1 - (1 - _TRANSPARENCY) * p, dim)
+    return 1 - _TransmittedLight.apply(p, dim)
 
 
 def capped_sum(p: Tensor, dim: int = -1) -> Tensor:
@@ -63,17 +64,19 @@ def expected_depth(x: Tensor) -> Tensor:
     return depth.transpose(1, 2).flip(1).unsqueeze(1)
 
 
-class _NonzeroProduct(torch.autograd.Function):
-    """Π q for q ≠ 0, without torch.prod's extra passes in search of zeros."""
+class _TransmittedLight(torch.autograd.Function):
+    """Π (1 - (1 - ε) p), in as few passes over memory as can be: they are most of the cost of a silhouette."""
 
     @staticmethod
-    def forward(ctx: Any, q: Tensor, dim: int) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(ctx: Any, p: Tensor, dim: int) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        q = torch.add(p.new_ones(()), p, alpha=_TRANSPARENCY - 1)
         product = q.prod(dim)
         ctx.save_for_backward(q, product)
         ctx.dim = dim
         return product
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
         q, product = ctx.saved_tensors
-        return (gradient * product).unsqueeze(ctx.dim) / q, None
+        return (gradient * product * (_TRANSPARENCY - 1)).unsqueeze(ctx.dim) / q, None
