@@ -33,19 +33,19 @@ def shape_scores(
 ) -> dict[str, Score]:
     """How near generated volumes are to reference volumes.
 
-    MMD and COV use the sets whole; 1-NNA uses as many from the head of each as the smaller one has, because it
-    is 0.5 at best only for equal sizes. Sizes matter to all three, so they are part of the protocol: score a
+    MMD and COV use the sets whole; 1-NNA draws as many from the larger set as the smaller one has, because it is
+    0.5 at best only for equal sizes. Sizes matter to all three, so they are part of the protocol: score a
     baseline, such as the training set itself, with as many shapes.
 
     Args:
         generated: (G, N, N, N) in [0, 1].
         reference: (R, N, N, N), in one frame and upright.
         selection: other shapes of the reference's family and frame, (S, N, N, N), to choose the gauge on;
-            the references themselves if None, which flatters a little and is said in the protocol. The first
-            256 are used, as are the first 256 generated ones.
+            the references themselves if None, which flatters a little and is said in the protocol. At most 256
+            are used, and at most 256 generated ones, drawn with the seed.
         bins: the gauge's turns are multiples of 2π / bins; None scores the volumes as they stand.
         points: points a surface for Chamfer.
-        seed: of the surface points.
+        seed: of the surface points and of what is drawn from larger sets.
 
     Returns:
         `mmd_iou`, `cov_iou`, `1nna_iou`, `mmd_chamfer`, `cov_chamfer`, `1nna_chamfer`; `empty`, the share of
@@ -62,7 +62,7 @@ def shape_scores(
             f"shape scores: generated volumes are {tuple(generated.shape)} and references {tuple(reference.shape)}; "
             "give (count, N, N, N) volumes of one size"
         )
-    gauge, chosen = _choose_gauge(generated, reference, selection, bins)
+    gauge, chosen = _choose_gauge(generated, reference, selection, bins, seed)
     turned = apply(generated, gauge) if gauge else generated
     setting = f"{generated.shape[-1]}^3 at {THRESHOLD}, {{}} generated vs {{}} reference, {chosen}"
     cloud = f"chamfer: sum of two-sided mean squared distances, {points} points on voxel faces, box side 2"
@@ -88,10 +88,11 @@ def set_scores(
     across = distance(generated, reference)
     count, references = across.shape
     least = min(count, references)
+    rows, columns = drawn(count, least, seed), drawn(references, least, seed)
     accuracy = one_nearest_neighbour_accuracy(
-        distance(generated[:least], generated[:least]),
-        across[:least, :least],
-        distance(reference[:least], reference[:least]),
+        distance(generated[rows], generated[rows]),
+        across[rows][:, columns],
+        distance(reference[columns], reference[columns]),
     )
     whole, equal = setting.format(count, references), setting.format(least, least)
     return {
@@ -101,17 +102,22 @@ def set_scores(
     }
 
 
+def drawn(count: int, n: int, seed: int) -> Tensor:
+    """Which min(n, count) of `count` items to take, in order: all, or a draw that depends on the seed alone."""
+    return torch.randperm(count, generator=generator_at(seed, 0, "subset"))[:n].sort().values
+
+
 def _choose_gauge(
-    generated: Tensor, reference: Tensor, selection: Tensor | None, bins: int | None
+    generated: Tensor, reference: Tensor, selection: Tensor | None, bins: int | None, seed: int
 ) -> tuple[Gauge | None, str]:
     """The gauge and the words of the protocol that say how it was chosen."""
     if bins is None:
         return None, "gauge as it stands"
-    chosen_on = (reference if selection is None else selection)[:SELECTION]
-    gauge = best_gauge(generated[:SELECTION], chosen_on, bins)
-    where = "the references" if selection is None else "other shapes"
-    sizes = f"{len(generated[:SELECTION])} generated to {len(chosen_on)} of {where}"
-    return gauge, f"best of {len(dihedral(bins))} dihedral gauges by mmd(1-iou) of {sizes}"
+    others, whose = (reference, "the references") if selection is None else (selection, "other shapes")
+    check_set(others, "selection")
+    some, chosen_on = (items[drawn(len(items), SELECTION, seed)] for items in (generated, others))
+    sizes = f"{len(some)} generated to {len(chosen_on)} of {whose}"
+    return best_gauge(some, chosen_on, bins), f"best of {len(dihedral(bins))} dihedral gauges by mmd(1-iou) of {sizes}"
 
 
 def _empty(generated: Tensor, seed: int) -> Score:
