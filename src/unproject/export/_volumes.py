@@ -76,6 +76,11 @@ def is_file(path: Path, suffix: str) -> bool:
     return path.suffix.lower() == suffix and not path.is_dir()
 
 
+def within(path: Path, suffix: str, name: str) -> Path:
+    """The path if it is a file of this format, else `name` in that folder."""
+    return path if is_file(path, suffix) else path / name
+
+
 def floor_grid(n: int, spacing: float) -> Iterator[tuple[float, float]]:
     """(x, z) of n shapes in rows on the floor, centred on the origin, the first row towards the viewer."""
     columns = int(np.ceil(np.sqrt(n)))

@@ -59,7 +59,9 @@ def mesh(
     return surface
 
 
-def glb(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any) -> Written:
+def glb(
+    volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any
+) -> Written:
     """glTF binary. A path ending in .glb becomes one scene with a node for each shape, laid out in rows on the
     floor around the origin; any other path becomes a folder with a file for each shape.
 
@@ -71,15 +73,21 @@ def glb(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] |
     Raises:
         UserError: no shape has a surface. OSError: the disk. Empty shapes among others are in `Written.skipped`.
     """
-    return _write(volumes, path, ".glb", lambda scene: scene.export(file_type="glb", include_normals=True), names, options)
+    return _write(
+        volumes, path, ".glb", lambda scene: scene.export(file_type="glb", include_normals=True), names, options
+    )
 
 
-def obj(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any) -> Written:
+def obj(
+    volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any
+) -> Written:
     """Wavefront, with normals and without material: one file (an object for each shape) or a folder, as `glb`."""
     return _write(volumes, path, ".obj", _obj_text, names, options)
 
 
-def ply(volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any) -> Written:
+def ply(
+    volumes: ArrayLike, path: str | PathLike[str], *, names: Sequence[str] | None = None, **options: Any
+) -> Written:
     """Binary PLY with normals: one file (all shapes in one mesh) or a folder, as `glb`."""
     return _write(volumes, path, ".ply", _ply_bytes, names, options)
 

@@ -66,4 +66,3 @@ def _palette() -> bytes:
     greys = np.repeat(np.linspace(255, 0, 255).round()[:, None], 3, axis=1)
     rgb = np.concatenate([[_CLAY], greys])
     return np.concatenate([rgb, np.full((256, 1), 255)], axis=1).astype(np.uint8).tobytes()
-

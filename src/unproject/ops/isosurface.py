@@ -81,7 +81,9 @@ def _checked(volume: ArrayLike, level: float) -> np.ndarray:
     if v.ndim != 3:
         raise UserError(f"a volume has three axes, this array has shape {v.shape}: pass one shape at a time")
     if not np.isfinite(v).all():
-        raise UserError("the volume holds NaN or infinity: the run that made it has diverged, use an earlier checkpoint")
+        raise UserError(
+            "the volume holds NaN or infinity: the run that made it has diverged, use an earlier checkpoint"
+        )
     if not 0.01 <= level <= 0.99:
         raise UserError(f"level {level} is not between 0.01 and 0.99: use 0.5 for the middle of the surface")
     return v

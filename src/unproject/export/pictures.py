@@ -1,0 +1,199 @@
+"""Sheets of shaded views, sheets of silhouettes, and turntables that loop."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from PIL import Image, ImageDraw, ImageFont
+
+from unproject._types import UserError
+from unproject.export._volumes import Written, as_batch, names_for, save, within
+from unproject.export.rendering import ELEVATION, fitted_extent, render, solid
+
+# A quarter turn apart, none of them straight at a side: at 30° a chair shows its front, its side and its seat.
+AZIMUTHS = tuple(math.radians(a) for a in (30, 120, 210, 300))
+_LABEL = 16
+_INK = (120, 120, 120)
+_LARGEST_GIF = 5_000_000
+
+
+def contact_sheet(
+    volumes: ArrayLike,
+    path: str | PathLike[str] | None = None,
+    *,
+    azimuths: Sequence[float] = AZIMUTHS,
+    elevation: float = ELEVATION,
+    size: int = 192,
+    names: Sequence[str] | None = None,
+    across: bool = False,
+) -> Image.Image:
+    """Every shape (a row) seen from every azimuth (a column), all at one scale.
+
+    Args:
+        volumes: (N, X, Y, Z) or (X, Y, Z), a tensor or an array.
+        path: where to write the picture too, by its suffix (.png).
+        azimuths, elevation: of the cameras, radians.
+        size: pixels of one view.
+        names: labels of the shapes; their numbers if left out.
+        across: a shape is a column and a view a row.
+    """
+    batch = as_batch(volumes)
+    extent = fitted_extent(batch, elevation)
+    views = np.stack([[render(s, a, elevation, size, extent) for a in azimuths] for s in map(solid, batch)])
+    shapes = [str(i) for i in range(len(batch))] if names is None else list(names_for(batch, names))
+    degrees = [f"{math.degrees(a):.0f}°" for a in azimuths]
+    if across:
+        return _kept(_labelled(_joined(views.swapaxes(0, 1)), size, shapes, degrees), path)
+    return _kept(_labelled(_joined(views), size, degrees, shapes), path)
+
+
+def gallery(
+    volumes: ArrayLike,
+    path: str | PathLike[str] | None = None,
+    *,
+    azimuth: float = AZIMUTHS[0],
+    elevation: float = ELEVATION,
+    size: int = 192,
+    columns: int | None = None,
+) -> Image.Image:
+    """One view of every shape, in a grid: by default about as wide as high."""
+    batch = as_batch(volumes)
+    extent = fitted_extent(batch, elevation)
+    views = np.stack([render(solid(v), azimuth, elevation, size, extent) for v in batch])
+    return _kept(Image.fromarray(_joined(_in_grid(views, columns))), path)
+
+
+def silhouette_sheet(
+    images: ArrayLike, path: str | PathLike[str] | None = None, *, columns: int | None = None, scale: int = 1
+) -> Image.Image:
+    """(N, 1, H, W) or (N, H, W) silhouettes in [0, 1] in a grid, black on white with a thin line between them.
+
+    Raises:
+        UserError: another number of axes, or no images.
+    """
+    detached: Any = images.detach().cpu() if hasattr(images, "detach") else images  # pyright: ignore
+    masks = np.asarray(detached, dtype=np.float32)
+    if masks.ndim == 4 and masks.shape[1] == 1:
+        masks = masks[:, 0]
+    if masks.ndim != 3 or not masks.size:
+        raise UserError(f"cannot show an array of shape {masks.shape}: silhouettes are (N, 1, H, W) with N at least 1")
+    grey = (255 * (1 - np.clip(masks, 0, 1))).round().astype(np.uint8).repeat(scale, 1).repeat(scale, 2)
+    framed = np.pad(grey, ((0, 0), (0, 1), (0, 1)), constant_values=210)
+    return _kept(Image.fromarray(_joined(_in_grid(framed[..., None].repeat(3, -1), columns))), path)
+
+
+def turntable(
+    volumes: ArrayLike,
+    path: str | PathLike[str],
+    *,
+    frames: int = 36,
+    elevation: float = ELEVATION,
+    size: int = 128,
+    columns: int | None = None,
+    track: Callable[[range], Iterable[int]] = iter,
+) -> Written:
+    """A GIF that loops: the shapes in a grid while the camera goes round them once, at most 5 MB.
+
+    Args:
+        frames: in one round, which takes about three seconds.
+        size: pixels of one shape; smaller if the file would be too large otherwise.
+        track: wraps the range of frames, for a progress bar.
+    """
+    if frames < 2:
+        raise UserError(f"a turntable of {frames} frames does not turn: use at least 2")
+    batch = as_batch(volumes)
+    extent = fitted_extent(batch, elevation)
+    shapes = [solid(v) for v in batch]
+    turns = [
+        _joined(
+            _in_grid(np.stack([render(s, 2 * math.pi * i / frames, elevation, size, extent) for s in shapes]), columns)
+        )
+        for i in track(range(frames))
+    ]
+    return Written((save(Path(path), _small_gif(turns)),))
+
+
+def _small_gif(pictures: list[np.ndarray]) -> bytes:
+    """The frames as a GIF, shrunk until it fits."""
+    images = [Image.fromarray(p) for p in pictures]
+    content = _gif(images)
+    while len(content) > _LARGEST_GIF:
+        shrink = 0.9 * math.sqrt(_LARGEST_GIF / len(content))
+        width, height = (max(1, int(n * shrink)) for n in images[0].size)
+        images = [image.resize((width, height), Image.Resampling.LANCZOS) for image in images]
+        content = _gif(images)
+    return content
+
+
+def _gif(images: list[Image.Image]) -> bytes:
+    """One palette for all frames, fitted to a few of them, and no dithering: both keep the file small."""
+    several = images[:: max(1, len(images) // 4)]
+    palette = Image.fromarray(np.concatenate([np.asarray(i) for i in several])).quantize(64, Image.Quantize.MEDIANCUT)
+    quantized = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    content = io.BytesIO()
+    duration = max(20, round(3000 / len(images) / 10) * 10)
+    quantized[0].save(
+        content, "GIF", save_all=True, append_images=quantized[1:], loop=0, duration=duration, optimize=False
+    )
+    return content.getvalue()
+
+
+def _in_grid(pictures: np.ndarray, columns: int | None) -> np.ndarray:
+    """(N, H, W, 3) → (R, C, H, W, 3), filled up with white."""
+    n = len(pictures)
+    columns = min(n, math.ceil(math.sqrt(n)) if columns is None else max(1, columns))
+    missing = -n % columns
+    filled = np.pad(pictures, ((0, missing), (0, 0), (0, 0), (0, 0)), constant_values=255)
+    return filled.reshape(-1, columns, *pictures.shape[1:])
+
+
+def _joined(cells: np.ndarray) -> np.ndarray:
+    """(R, C, H, W, 3) → (R·H, C·W, 3)."""
+    rows, columns, height, width, channels = cells.shape
+    return cells.swapaxes(1, 2).reshape(rows * height, columns * width, channels)
+
+
+def _labelled(picture: np.ndarray, size: int, columns: Sequence[str], rows: Sequence[str]) -> Image.Image:
+    """The picture under a thin line of column labels, each row's label in its upper left corner."""
+    sheet = Image.fromarray(np.pad(picture, ((_LABEL, 0), (0, 0), (0, 0)), constant_values=255))
+    draw = ImageDraw.Draw(sheet)
+    font = ImageFont.load_default(size=11)
+    for i, label in enumerate(columns):
+        draw.text(((i + 0.5) * size, _LABEL / 2), label, fill=_INK, font=font, anchor="mm")
+    for i, label in enumerate(rows):
+        draw.text((4, _LABEL + i * size + 3), label, fill=_INK, font=font)
+    return sheet
+
+
+def _kept(picture: Image.Image, path: str | PathLike[str] | None) -> Image.Image:
+    if path is not None:
+        content = io.BytesIO()
+        picture.save(content, _format(Path(path)))
+        save(Path(path), content.getvalue())
+    return picture
+
+
+def _format(path: Path) -> str:
+    suffixes = Image.registered_extensions()
+    if path.suffix.lower() not in suffixes:
+        raise UserError(f"{path}: pictures are written by their suffix: use .png")
+    return suffixes[path.suffix.lower()]
+
+
+def sheet_file(volumes: ArrayLike, path: str | PathLike[str], **options: Any) -> Written:
+    """`contact_sheet` as a format of `write`: at the path if it ends in .png, else contact_sheet.png in that folder."""
+    final = within(Path(path), ".png", "contact_sheet.png")
+    contact_sheet(volumes, final, **options)
+    return Written((final,))
+
+
+def turntable_file(volumes: ArrayLike, path: str | PathLike[str], **options: Any) -> Written:
+    """`turntable` as a format of `write`: at the path if it ends in .gif, else turntable.gif in that folder."""
+    return turntable(volumes, within(Path(path), ".gif", "turntable.gif"), **options)
