@@ -46,7 +46,9 @@ PARAMETERS: dict[str, Span] = {
     "seat_depth": Span(0.78, 1.05, "full depth of the seat"),
     "seat_height": Span(0.55, 0.85, "from the floor to the top of the seat"),
     "seat_thickness": Span(0.10, 0.20, "thickness of the seat"),
-    "seat_roundness": Span(0.00, 1.00, "0 a rectangle, 1 corners rounded by half the depth"),
+    "seat_roundness": Span(
+        0.00, 1.00, "0 a rectangle, 1 front corners rounded by half the depth; less where legs stand"
+    ),
     "cushion": Span(-0.15, 0.15, "height of a cushion on the seat; none if negative"),
     "back_height": Span(0.55, 0.95, "from the top of the seat to the top of the back"),
     "back_thickness": Span(0.11, 0.17, "thickness of the back"),
@@ -151,6 +153,8 @@ class _Plan:
         top, thickness = p["seat_height"], p["seat_thickness"]
         thickness = torch.where(self.base == 3, top, thickness)
         radius = p["seat_roundness"] * torch.minimum(self.half_width, self.half_depth) * (self.base != 3)
+        on_corners = (self.base != 2) | self.has_arms
+        radius = torch.where(on_corners, torch.minimum(radius, 2.4 * p["leg_thickness"]), radius)
         board = self._rounded(self.half_width, self.half_depth, radius)
         cushion = self._rounded(self.half_width - 0.06, self.half_depth - 0.06, radius + 0.08)
         raised = self._along_y(top, top + p["cushion"].clamp(min=0))
@@ -282,8 +286,8 @@ class _Plan:
         return (0.5 - distance * self.x.shape[1] / 2).clamp(0, 1)
 
     def _rounded(self, half_width: Tensor, half_depth: Tensor, radius: Tensor) -> Tensor:
-        """A rectangle whose corners are rounded: (B, x, z)."""
-        radius = torch.minimum(radius, torch.minimum(half_width, half_depth))
+        """A rectangle whose front corners are rounded (the back stands on the others): (B, x, z)."""
+        radius = torch.minimum(radius, torch.minimum(half_width, half_depth)) * (self.z > 0)
         dx, dz = self.x - half_width + radius, self.z.abs() - half_depth + radius
         outside = torch.hypot(dx.clamp(min=0), dz.clamp(min=0)) - radius
         return self._inside((outside + torch.maximum(dx, dz).clamp(max=0)) * self.shrink)

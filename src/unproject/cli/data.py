@@ -1,0 +1,60 @@
+"""`unproject data inspect PATH`."""
+
+from __future__ import annotations
+
+import json as json_format
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from .._types import UserError
+
+if TYPE_CHECKING:
+    from ..data.records import Records
+
+
+def run(
+    action: Literal["inspect"],
+    path: Path,
+    /,
+    *,
+    out: Path | None = None,
+    size: int | None = None,
+    mode: Literal["crop", "keep"] = "crop",
+    threshold: float = 0.5,
+    polarity: Literal["auto", "light", "dark"] = "auto",
+    strict: bool = False,
+    json: bool = False,
+) -> None:
+    """See what a collection will be used as: a table of what is used and what is skipped and why.
+
+    Args:
+        action: `inspect`.
+        path: A folder of pictures, an .npz, .npy or idx file, or a 3-D collection.
+        out: Write a contact sheet of the framed pictures to this PNG file.
+        size: Side of the framed pictures in pixels; 64 for folders, as stored for arrays, unless given.
+        mode: Crop and centre the object, or keep it where it is.
+        threshold: Coverage at which a pixel belongs to the object.
+        polarity: Whether the object is light or dark; auto reads it off the border.
+        strict: Fail on the first file that cannot be used.
+        json: Print one JSON object instead of the table.
+    """
+    from ..data import Framing, inspect
+
+    framing = Framing(mode=mode, threshold=threshold, polarity=polarity)
+    found = inspect(path, size=size, framing=None if framing == Framing() else framing, strict=strict)
+    print(json_format.dumps(found.as_dict()) if json else found.table())
+    if found.collection is None:
+        name, _, _, reason = found.rows[0]
+        raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason})")
+    if out is not None:
+        _write_sheet(found.collection, out)
+
+
+def _write_sheet(collection: Records, out: Path) -> None:
+    from .._files import atomic_path
+    from ..data import contact_sheet
+
+    if out.suffix.lower() not in (".png", ".jpg", ".jpeg", ".webp"):
+        raise UserError(f"{out}: a contact sheet is a picture; name it .png")
+    with atomic_path(out) as temporary:
+        contact_sheet(collection).save(temporary)

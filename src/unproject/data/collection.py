@@ -1,0 +1,91 @@
+"""Collection: what one way of looking is learned from.
+
+Collection("masks/")             a folder of pictures, framed as `framing.py` says
+Collection("masks.npz")          arrays, as they are unless a framing is given; also .npy and idx files
+Collection("chairs.npz:chair")   volumes: .npz of voxels, .binvox, meshes, or a folder of them
+Collection(tensor)               items in memory
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from .._types import UserError
+from .arrays import read_arrays
+from .folder import SUFFIXES as PICTURES
+from .folder import read_folder
+from .framing import Framing
+from .records import Records
+from .shapes import SUFFIXES as SHAPES
+from .shapes import is_shape_archive, split_selector
+from .shapes import read_shapes as _read_shapes
+
+
+class Collection(Records):
+    """Items with their names and known latents, from a path or from memory.
+
+    Args:
+        source: a path, a tensor or an array (N, ...), or other records.
+        size: side of the pictures or volumes; else 64 for folders of pictures, 32 for meshes, as stored for arrays.
+        framing: how pictures are framed; else cropped and centred for folders, as they are for arrays.
+        strict: fail on the first file that cannot be used instead of skipping it.
+
+    Raises:
+        UserError: if the source cannot be used; the message says how to mend it.
+    """
+
+    def __init__(
+        self, source: Any, *, size: int | None = None, framing: Framing | None = None, strict: bool = False
+    ) -> None:
+        if isinstance(source, (str, os.PathLike)):
+            found = find_records(Path(source), size, framing, strict)
+        else:
+            found = source if isinstance(source, Records) else Records.from_tensor(source)
+        super().__init__(found.items, found.names, found.latents, found.skipped, found.source)
+
+
+def read(
+    path: str | os.PathLike[str], *, size: int | None = None, framing: Framing | None = None, strict: bool = False
+) -> Collection:
+    """The collection at a path, whatever its kind: see `Collection`."""
+    return Collection(path, size=size, framing=framing, strict=strict)
+
+
+def read_shapes(path: str | os.PathLike[str], resolution: int = 32, **options: Any) -> Collection:
+    """The volumes (N, R, R, R) of a 3-D collection; `shapes.read_shapes` has the options."""
+    return Collection(_read_shapes(Path(path), resolution, **options))
+
+
+def find_records(path: Path, size: int | None, framing: Framing | None, strict: bool) -> Records:
+    """Send a path to the reader of its kind.
+
+    Raises:
+        UserError: if nothing is there, or no reader knows it.
+    """
+    if size is not None and size < 4:
+        raise UserError(f"{path}: a size of {size} is too small; give at least 4")
+    file, selector = split_selector(path)
+    if path.is_dir():
+        return _of_folder(path, size, framing, strict)
+    if not file.exists():
+        raise UserError(f"{path}: there is no such file or folder; check the path")
+    if selector or file.suffix.lower() in SHAPES or is_shape_archive(file):
+        return _read_shapes(path, size, strict=strict)
+    if file.suffix.lower() in PICTURES:
+        raise UserError(f"{path}: is one picture; name the folder it lies in")
+    return read_arrays(file, size, framing, strict)
+
+
+def _of_folder(path: Path, size: int | None, framing: Framing | None, strict: bool) -> Records:
+    """Pictures unless there are only shapes."""
+    if holds_only_shapes(path):
+        return _read_shapes(path, size, strict=strict)
+    return read_folder(path, size, framing, strict)
+
+
+def holds_only_shapes(path: Path) -> bool:
+    """Whether a folder has files of shapes and no picture."""
+    found = {file.suffix.lower() for file in path.rglob("*") if not file.name.startswith(".")}
+    return bool(found & set(SHAPES)) and not found & set(PICTURES)
