@@ -25,7 +25,7 @@ from typing import Annotated, Any, Literal
 import docstring_parser
 import tyro
 
-from .._objects import find_object
+from .._objects import find_object, nearest
 from .._types import UserError
 
 _SCALARS = (bool, int, float, str, Path)
@@ -35,10 +35,10 @@ class HelpPrinted(Exception):
     """The arguments asked for help, and it has been printed."""
 
 
-def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: int = 0) -> list[Callable[..., Any]]:
+def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: int = 0) -> list[partial]:
     """Read `argv` by the signatures of `functions`; the same functions with their arguments filled in.
 
-    The first `skip` parameters of the last function are left for the caller to give.
+    The first `skip` parameters of the last function, its only positional ones then, are left for the caller to give.
 
     Raises:
         UserError: if `argv` does not fit; the message names the nearest flag.
@@ -51,20 +51,24 @@ def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: i
 
 
 def bind_recipe(verb: str, argv: Sequence[str], run: Callable[..., Any]) -> Callable[[], Any]:
-    """Read `RECIPE --flags` for `run(recipe, /, *, ...)`: flags of the recipe's function and of `run`.
+    """Read `RECIPE --flags` for `run(recipe, origin, /, *, ...)`: flags of the recipe's function and of `run`.
 
     RECIPE is a built-in name, `module:function` or `path/to/file.py:function`. What is returned makes
-    the recipe, by calling its function with the flags it takes, and hands it to `run`.
+    the recipe, by calling its function with the flags it takes, and hands it and its origin to `run`.
     """
     if argv and not argv[0].startswith("-"):
         factory = find_recipe(argv[0])
-        make, go = bind(f"{verb} {argv[0]}", argv[1:], factory, run, skip=1)
-        return lambda: go(make())
+        make, go = bind(f"{verb} {argv[0]}", argv[1:], factory, run, skip=2)
+
+        def call() -> Any:
+            from unproject.recipes import origin
+
+            return go(make(), origin(argv[0], make.keywords))
+
+        return call
     if {"-h", "--help"} & set(argv):
-        print(
-            f"usage: unproject {verb} RECIPE [OPTIONS]\n\n`unproject {verb} RECIPE --help` adds the recipe's own flags."
-        )
-        bind(f"{verb} RECIPE", ["--help"], run, skip=1)
+        print(f"`unproject {verb} RECIPE --help` adds the recipe's own flags; `unproject recipes` lists them.\n")
+        bind(f"{verb} RECIPE", ["--help"], run, skip=2)
     raise UserError(f"{verb}: name a recipe first: `unproject {verb} shapes ...`; `unproject recipes` lists them")
 
 
@@ -167,23 +171,36 @@ def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
     except SystemExit as end:
         if not end.code:
             raise HelpPrinted from None
-        raise UserError(f"{verb}: {_in_one_line(said.getvalue())} (`unproject {verb} --help`)") from None
+        wrong = _in_one_line(said.getvalue())
+        raise UserError(f"{verb}: {wrong}{_perhaps(wrong, options)} (`unproject {verb} --help`)") from None
     return {field.name: getattr(read, field.name) for field in dataclasses.fields(read)}
 
 
 def _in_one_line(box: str) -> str:
-    """tyro's box of several lines as one: what is wrong, and the flag that was perhaps meant."""
+    """What is wrong: the part of tyro's box above its first rule, on one line."""
     text = "\n".join(line.strip("│ ") for line in box.splitlines() if line[:1] not in "╭╰")
-    wrong, *more = re.split(r"\n─+\n", text)
-    meant = re.findall(r"^--[\w.-]+", "\n".join(more), re.MULTILINE) if wrong.startswith("Unrecognized") else []
-    hint = f". Perhaps you meant {', '.join(dict.fromkeys(meant))}" if meant else ""
-    return wrong[:1].lower() + " ".join(wrong[1:].split()).rstrip(".") + hint
+    wrong = " ".join(re.split(r"\n─+\n", text)[0].split())
+    return wrong[:1].lower() + wrong[1:].rstrip(".")
 
 
-def _filled(function: Callable[..., Any], signature: dict[str, inspect.Parameter], values: dict[str, Any]) -> Any:
+def _perhaps(wrong: str, options: type) -> str:
+    """The flags that the unknown ones were perhaps meant to be."""
+    if not wrong.startswith("unrecognized"):
+        return ""
+    flags = [_spelling(field) for field in dataclasses.fields(options)]
+    hints = (nearest(flag, flags) for flag in re.findall(r"--([\w-]+)", wrong))
+    return next((hint.replace("'", "`--", 1).replace("'", "`") for hint in hints if hint), "")
+
+
+def _spelling(field: dataclasses.Field[Any]) -> str:
+    on = field.default_factory is not dataclasses.MISSING and field.default_factory() is True
+    return ("no-" if on else "") + field.name.replace("_", "-")
+
+
+def _filled(function: Callable[..., Any], signature: dict[str, inspect.Parameter], values: dict[str, Any]) -> partial:
     positional = [values[name] for name, p in signature.items() if p.kind is p.POSITIONAL_ONLY]
     named = {name: values[name] for name, p in signature.items() if p.kind is not p.POSITIONAL_ONLY}
-    return lambda *given: function(*given, *positional, **named)
+    return partial(function, *positional, **named)
 
 
 def _name(function: Any) -> str:
