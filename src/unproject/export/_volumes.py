@@ -26,13 +26,15 @@ def as_batch(volumes: ArrayLike) -> np.ndarray:
     """(B, X, Y, Z) float32 from a tensor or an array with or without the batch axis.
 
     Raises:
-        UserError: no shapes, a wrong number of axes, or values that are not finite (naming the first such shape).
+        UserError: no shapes, a wrong number of axes, images instead of volumes, or values that are not finite (naming the first such shape).
     """
     detached: Any = volumes.detach().cpu() if hasattr(volumes, "detach") else volumes  # pyright: ignore
     batch = np.asarray(detached, dtype=np.float32)
     batch = batch[None] if batch.ndim == 3 else batch
     if batch.ndim != 4 or batch.size == 0:
         raise UserError(f"cannot export an array of shape {batch.shape}: volumes are (N, X, Y, Z) with N at least 1")
+    if batch.shape[1] <= 4:
+        raise UserError(f"an array of shape {batch.shape} holds images, not volumes: only shapes can be exported")
     finite = np.isfinite(batch).all(axis=(1, 2, 3))
     if not finite.all():
         raise UserError(f"shape {int(finite.argmin())} holds NaN or infinity: sample an earlier checkpoint of the run")

@@ -73,9 +73,7 @@ def glb(
     Raises:
         UserError: no shape has a surface. OSError: the disk. Empty shapes among others are in `Written.skipped`.
     """
-    return _write(
-        volumes, path, ".glb", lambda scene: scene.export(file_type="glb", include_normals=True), names, options
-    )
+    return _write(volumes, path, ".glb", _glb_bytes, names, options)
 
 
 def obj(
@@ -134,9 +132,13 @@ def _obj_text(scene: trimesh.Scene) -> str:
 
 
 def _ply_bytes(scene: trimesh.Scene) -> bytes:
-    joined = trimesh.util.concatenate(list(_placed(scene).values()))
-    joined.visual = trimesh.visual.ColorVisuals()
-    return joined.export(file_type="ply", vertex_normal=True)
+    joined: Any = trimesh.util.concatenate(list(_placed(scene).values()))
+    return joined.export(file_type="ply", vertex_normal=True, include_attributes=False)
+
+
+def _glb_bytes(scene: trimesh.Scene) -> bytes:
+    content: Any = scene.export(file_type="glb", include_normals=True)
+    return content
 
 
 def _decimated(surface: trimesh.Trimesh, faces: int | None) -> trimesh.Trimesh:

@@ -136,6 +136,10 @@ def _gif(images: list[Image.Image]) -> bytes:
     """One palette for all frames, fitted to a few of them, and no dithering: both keep the file small."""
     several = images[:: max(1, len(images) // 4)]
     palette = Image.fromarray(np.concatenate([np.asarray(i) for i in several])).quantize(64, Image.Quantize.MEDIANCUT)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    # The fitted white is a mean with the palest shadows: a true one keeps the frame from showing on a white page.
+    colours[colours.sum(1).argmax()] = 255
+    palette.putpalette(colours.ravel().tolist())
     quantized = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     content = io.BytesIO()
     duration = max(20, round(3000 / len(images) / 10) * 10)

@@ -69,9 +69,10 @@ def fitted_extent(volumes: ArrayLike, elevation: float = ELEVATION, level: float
     occupied = (as_batch(volumes) > level).any(0)
     if not occupied.any():
         return 1.0
-    x, y, z = np.abs((np.argwhere(occupied) + 0.5) / occupied.shape * 2 - 1).T + 1 / max(occupied.shape)
-    radius = np.hypot(x, z)
-    height = y * math.cos(elevation) + radius * abs(math.sin(elevation))
+    half_voxel = 1 / max(occupied.shape)
+    reach = np.abs((np.argwhere(occupied) + 0.5) / np.array(occupied.shape) * 2 - 1) + half_voxel
+    radius = np.hypot(reach[:, 0], reach[:, 2])
+    height = reach[:, 1] * math.cos(elevation) + radius * abs(math.sin(elevation))
     return 1.06 * float(np.maximum(radius, height).max())
 
 
