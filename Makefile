@@ -4,7 +4,7 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
 .PHONY: install demo test lint format pytest bench clean
 .DEFAULT_GOAL := install
@@ -15,6 +15,7 @@ install: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "unproject: the pinned environment needs Python 3.11 or newer, this is %d.%d: make install PYTHON=python3.11" % v or 0)'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo 'Installing into $(VENV): torch, then the rest; some minutes the first time.'
 	$(PIP) torch==2.13.0
 	$(PIP) -e '.[dev]'
 	@touch $@
