@@ -15,16 +15,15 @@ from torch import Tensor
 
 from .resampling import centres, sample_volume
 
-_SNAP = 1e-6
-
 
 def cos_sin(angle: Tensor) -> tuple[Tensor, Tensor]:
-    """cos and sin of `angle`, a value below 1e-6 made exactly 0 so that quarter turns are exact permutations."""
+    """cos and sin of `angle`, a rounding error made exactly 0 so that quarter turns are exact permutations."""
     return _snapped(angle.cos()), _snapped(angle.sin())
 
 
 def _snapped(value: Tensor) -> Tensor:
-    return value - torch.where(value.abs() < _SNAP, value, torch.zeros_like(value)).detach()
+    small = value.abs() < 8 * torch.finfo(value.dtype).eps
+    return value - torch.where(small, value, torch.zeros_like(value)).detach()
 
 
 def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:

@@ -77,6 +77,7 @@ class Silhouette(Projection):
             x = x if x.dtype == torch.float64 else x.float()
             azimuth = azimuth.to(x)
             elevation = torch.zeros_like(azimuth) if elevation is None else elevation.to(x)
+            _check(elevation.shape == azimuth.shape, f"give one elevation a volume, not {tuple(elevation.shape)}")
             look = self._look_level if self._is_level(azimuth, elevation) else self._look
             return look(x, azimuth, elevation)
 
@@ -159,9 +160,7 @@ def continuous_views(
     return (Observation("around", silhouette or Silhouette(), prior),)
 
 
-def prgan_views(
-    azimuths: int = 8, top: bool = True, silhouette: Silhouette | None = None
-) -> tuple[Observation, ...]:
+def prgan_views(azimuths: int = 8, top: bool = True, silhouette: Silhouette | None = None) -> tuple[Observation, ...]:
     """PrGAN's one way of looking: one of `azimuths` exact azimuths, or from the top; all equally likely."""
     parts: list[Prior] = [_exactly(k * TURN / azimuths, 0) for k in range(azimuths)]
     parts += [_exactly(0, math.pi / 2)] if top else []
