@@ -1,0 +1,68 @@
+"""Resumable sampling: every row once an epoch, whoever asks and whenever."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from unproject._types import UserError
+from unproject.data import batch_rows, held_out
+
+
+@settings(max_examples=60, deadline=None)
+@given(count=st.integers(1, 50), batch=st.integers(1, 20), world=st.integers(1, 4), seed=st.integers(0, 5))
+def test_every_row_comes_once_an_epoch(count, batch, world, seed):
+    steps = -(-3 * count // (batch * world))
+    drawn = [batch_rows(count, batch, seed, s, r, world) for s in range(steps) for r in range(world)]
+    assert all(rows.shape == (batch,) and rows.dtype == torch.int64 for rows in drawn)
+    sequence = torch.cat(drawn)
+    for epoch in range(3):
+        assert sequence[epoch * count : (epoch + 1) * count].sort().values.tolist() == list(range(count))
+
+
+def test_a_step_needs_no_step_before_it():
+    forward = [batch_rows(37, 8, 5, step) for step in range(30)]
+    backward = [batch_rows(37, 8, 5, step) for step in reversed(range(30))][::-1]
+    assert all(torch.equal(a, b) for a, b in zip(forward, backward))
+
+
+def test_ranks_of_one_step_share_no_row_within_an_epoch():
+    rows = [batch_rows(100, 10, 0, 3, rank, 2) for rank in range(2)]
+    assert not set(rows[0].tolist()) & set(rows[1].tolist())
+
+
+def test_order_depends_on_seed_epoch_and_stream():
+    first = batch_rows(40, 40, 0, 0)
+    assert not torch.equal(first, batch_rows(40, 40, 1, 0))
+    assert not torch.equal(first, batch_rows(40, 40, 0, 1))
+    assert not torch.equal(first, batch_rows(40, 40, 0, 0, stream="other"))
+
+
+def test_writing_into_a_batch_does_not_change_the_next():
+    batch_rows(16, 16, 9, 0).zero_()
+    assert batch_rows(16, 16, 9, 0).sum() == 120
+
+
+def test_a_batch_larger_than_the_collection_repeats_it():
+    assert batch_rows(3, 8, 0, 0).bincount(minlength=3).tolist() in ([3, 3, 2], [3, 2, 3], [2, 3, 3])
+
+
+def test_nothing_cannot_be_sampled():
+    for count, batch in ((0, 4), (4, 0)):
+        with pytest.raises(UserError, match="at least one of each"):
+            batch_rows(count, batch, 0, 0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(count=st.integers(2, 80), share=st.floats(0.01, 0.99), seed=st.integers(0, 9))
+def test_held_out_rows_are_a_partition(count, share, seed):
+    kept, out = held_out(count, share, seed)
+    assert len(kept) and len(out) and torch.cat([kept, out]).sort().values.tolist() == list(range(count))
+    assert abs(len(out) - share * count) <= 1
+
+
+def test_holding_out_everything_is_refused():
+    with pytest.raises(UserError, match="cannot hold out"):
+        held_out(10, 1.0, 0)
