@@ -34,5 +34,12 @@ def _listed() -> str:
 
 def _shown(name: str) -> str:
     function = find_recipe(name)
-    lines = [f"{name}{inspect.signature(function)}", "", inspect.getdoc(function) or "(no docstring)"]
+    parameters = inspect.signature(function).parameters.values()
+    lines = [f"{name}({', '.join(map(_plain, parameters))})", "", inspect.getdoc(function) or "(no docstring)"]
     return "\n".join([*lines, "", f"`unproject train {name} --help` lists its flags."])
+
+
+def _plain(p: inspect.Parameter) -> str:
+    """`size: int = 32`, the annotation as it is written."""
+    kind = "" if p.annotation is p.empty else f": {getattr(p.annotation, '__name__', p.annotation)}"
+    return f"{p.name}{kind}" + ("" if p.default is p.empty else f" = {p.default!r}")
