@@ -376,7 +376,7 @@ class DropsOut(Dense):
 class WritesBuffers(Dense):
     def forward(self, code: Tensor) -> Tensor:
         if len(code) > 1:
-            self.norm.num_batches_tracked += 1  # pyright: ignore[reportOptionalOperand]
+            self.norm.num_batches_tracked.add_(1)  # pyright: ignore[reportOptionalMemberAccess]
         return super().forward(code)
 
 

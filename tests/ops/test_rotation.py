@@ -24,7 +24,8 @@ def random_volume(*shape: int, seed: int = 0) -> torch.Tensor:
 def blob(centre: tuple[float, float, float], size: int = 24) -> torch.Tensor:
     """(1, N, N, N) a small Gaussian: smooth, so that resampling hardly moves it."""
     axes = torch.meshgrid(*[centres(size, torch.empty(0))] * 3, indexing="ij")
-    return torch.exp(-sum((a - c) ** 2 for a, c in zip(axes, centre)) / (2 * 0.15**2))[None]
+    distance = torch.stack([a - c for a, c in zip(axes, centre)]).norm(dim=0)
+    return torch.exp(-((distance / 0.15) ** 2) / 2)[None]
 
 
 def centroid(x: torch.Tensor) -> list[float]:

@@ -23,7 +23,7 @@ from torch.autograd.function import once_differentiable
 from .resampling import centres
 
 _TRANSPARENCY = 1e-6
-_ROUNDING = 1e-6
+_ROUNDING = 1e-4
 
 
 def any_occupied(p: Tensor, dim: int = -1) -> Tensor:

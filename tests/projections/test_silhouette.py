@@ -1,0 +1,284 @@
+"""Silhouettes: areas of discs, orientation of pictures, the fast path, the sets of views."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+import torch
+
+from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.ops import rotate, visual_hull
+from unproject.ops.resampling import centres
+from unproject.projections.silhouette import (
+    CAMERAS,
+    RULES,
+    Silhouette,
+    azimuth_bins,
+    azimuth_elevation_bins,
+    continuous_views,
+    prgan_views,
+)
+
+AZIMUTHS = torch.tensor([0, 0.3, math.pi / 4, 1.9, math.pi, 5.0])
+
+
+def ball(size: int, radius: float) -> torch.Tensor:
+    """(1, N, N, N) a ball that fades to 0 over its outermost voxel: a grazing ray adds up all that is in its way."""
+    axes = torch.meshgrid(*[centres(size, torch.empty(0))] * 3, indexing="ij")
+    distance = torch.stack(axes).norm(dim=0)
+    return ((radius - distance) * size / 2).clamp(0, 1)[None]
+
+
+def area(picture: torch.Tensor, viewport: float) -> torch.Tensor:
+    """The area of what is more than half covered, in world units, of each picture."""
+    return (picture > 0.5).float().mean((1, 2, 3)) * (2 * viewport) ** 2
+
+
+def disc(radius: float, camera: str, distance: float) -> float:
+    """The area of a ball's silhouette in the central plane: a pinhole sees the section of the tangent cone."""
+    seen = radius if camera == "orthographic" else radius * distance / math.sqrt(distance**2 - radius**2)
+    return math.pi * seen**2
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("rule", ["any", "absorption"])
+@pytest.mark.parametrize("elevation", [0.0, 0.4, -1.2, math.pi / 2])
+def test_a_ball_is_a_disc_of_the_right_area_from_everywhere(rule: str, camera: str, elevation: float) -> None:
+    """Absorption blurs the rim; at density 1 its half-way line lies on it."""
+    look = Silhouette(size=64, rule=rule, camera=camera, viewport=1.2, density=1)
+    x = ball(64, 0.8).expand(len(AZIMUTHS), -1, -1, -1)
+    y = look(x, azimuth=AZIMUTHS, elevation=torch.full_like(AZIMUTHS, elevation))
+    measured = area(y, 1.2) / disc(0.8, camera, look.distance)
+    assert measured.min() > 0.98 and measured.max() < 1.02
+
+
+@pytest.mark.parametrize("elevation", [0.0, math.pi / 2])
+def test_the_released_alpha_rule_sees_the_disc_along_the_axes(elevation: float) -> None:
+    """Elsewhere the rule drops the rims that METHOD's formula drops (`ops.capped_sum`): a ball then has grey rings."""
+    x = (ball(48, 0.7) > 0).float().expand(4, -1, -1, -1)
+    azimuth = torch.arange(4) * math.pi / 2
+    y = Silhouette(rule="alpha")(x, azimuth=azimuth, elevation=torch.full((4,), elevation))
+    torch.testing.assert_close(area(y, 1.0), torch.full((4,), disc(0.7, "orthographic", 0)), rtol=0.02, atol=0)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_the_alpha_rule_and_the_others_never_see_beyond_the_disc(rule: str, camera: str) -> None:
+    x = ball(32, 0.5).expand(len(AZIMUTHS), -1, -1, -1)
+    y = Silhouette(rule=rule, camera=camera, viewport=1.0)(x, azimuth=AZIMUTHS, elevation=AZIMUTHS / 4)
+    pixel = centres(32, x)
+    outside = (pixel[:, None] ** 2 + pixel**2).sqrt() > 0.5 * 4 / math.sqrt(16 - 0.25) + 3.5 / 32
+    assert y[:, 0, outside].abs().max() < 1e-5
+
+
+def test_perspective_tends_to_orthographic() -> None:
+    x = ball(16, 0.5)
+    flat = Silhouette(rule="absorption", fast=False)
+    far = Silhouette(rule="absorption", camera="perspective", distance=1e5)
+    a, e = torch.tensor([0.4]), torch.tensor([0.2])
+    torch.testing.assert_close(far(x, azimuth=a, elevation=e), flat(x, azimuth=a, elevation=e), atol=1e-3, rtol=0)
+
+
+def test_what_is_nearer_looks_larger_in_perspective() -> None:
+    x = torch.zeros(1, 24, 24, 24)
+    x[:, 10:14, 10:14, 20:] = 1
+    look = Silhouette(camera="perspective", distance=3)
+    front, back = look(x.expand(2, -1, -1, -1), azimuth=torch.tensor([0, math.pi]), elevation=None)
+    assert front.sum() > 1.5 * back.sum()
+    assert look.field_of_view == pytest.approx(2 * math.atan(1 / 3))
+
+
+def letter() -> torch.Tensor:
+    """(1, 8, 8, 8) an L that stands in the plane z = high: stem at low x, foot to +x, its far side empty."""
+    x = torch.zeros(1, 8, 8, 8)
+    x[0, 1, 1:7, 6] = 1
+    x[0, 1:5, 1, 6] = 1
+    return x
+
+
+def picture_of(azimuth: float, elevation: float = 0.0, **options: Any) -> torch.Tensor:
+    look = Silhouette(**options)
+    return look(letter(), azimuth=torch.tensor([azimuth]), elevation=torch.tensor([elevation]))[0, 0]
+
+
+@pytest.mark.parametrize("fast", [True, False])
+@pytest.mark.parametrize("rule", ["any", "alpha"])
+def test_azimuth_zero_looks_along_minus_z_with_x_to_the_right_and_row_zero_on_top(rule: str, fast: bool) -> None:
+    expected = torch.zeros(8, 8)
+    expected[1:7, 1] = 1  # the stem: rows from the top
+    expected[6, 1:5] = 1  # the foot, in the last but one row, to the right
+    torch.testing.assert_close(picture_of(0, rule=rule, fast=fast), expected, atol=1e-5, rtol=0)
+    torch.testing.assert_close(picture_of(math.pi, rule=rule, fast=fast), expected.flip(1), atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_azimuth_ninety_puts_plus_z_to_the_left(fast: bool) -> None:
+    """From +x one looks along -x: right is -z, so the L, a plane at z = high, is one column on the left."""
+    expected = torch.zeros(8, 8)
+    expected[1:7, 1] = 1
+    torch.testing.assert_close(picture_of(math.pi / 2, fast=fast), expected, atol=1e-5, rtol=0)
+    torch.testing.assert_close(picture_of(-math.pi / 2, fast=fast), expected.flip(1), atol=1e-5, rtol=0)
+
+
+def test_from_the_top_minus_z_is_up_in_the_picture() -> None:
+    expected = torch.zeros(8, 8)
+    expected[6, 1:5] = 1
+    torch.testing.assert_close(picture_of(0, math.pi / 2), expected, atol=1e-5, rtol=0)
+
+
+def test_opposite_views_are_mirror_images() -> None:
+    x = torch.rand(5, 12, 12, 12, generator=generator_at(0)) ** 4
+    azimuth = torch.rand(5, generator=generator_at(1)) * 7
+    for rule in ("any", "absorption"):
+        look = Silhouette(rule=rule)
+        opposite = look(x, azimuth=azimuth + math.pi, elevation=None).flip(3)
+        torch.testing.assert_close(look(x, azimuth=azimuth, elevation=None), opposite, atol=1e-4, rtol=0)
+
+
+def test_at_viewport_one_it_is_the_rule_along_the_turned_volume() -> None:
+    """Nothing but `rotate` and the formula, for a shape that keeps clear of the corners that `rotate` cuts."""
+    x = ball(16, 0.6) * torch.rand(1, 16, 16, 16, generator=generator_at(0))
+    a, e = torch.tensor([0.7]), torch.tensor([0.3])
+    expected = 1 - (1 - rotate(x, a, e)).prod(3)
+    y = Silhouette()(x, azimuth=a, elevation=e)
+    torch.testing.assert_close(y[0, 0], expected[0].T.flip(0), atol=1e-4, rtol=0)
+
+
+OPTIONS = [
+    {},
+    {"viewport": 1.4},
+    {"size": 11, "viewport": 0.7},
+    {"size": 40, "depth_samples": 7},
+    {"depth_samples": 96},
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("rule", RULES)
+def test_the_fast_path_is_the_reference_in_values_and_gradients(rule: str, options: dict[str, Any]) -> None:
+    x = (torch.rand(4, 12, 10, 14, generator=generator_at(0)) ** 3).double()
+    azimuth = torch.rand(4, generator=generator_at(1)).double() * 7
+    results = []
+    for fast in (True, False):
+        v = x.clone().requires_grad_()
+        y = Silhouette(rule=rule, fast=fast, **options)(v, azimuth=azimuth, elevation=torch.zeros(4))
+        weight = torch.rand(y.shape, generator=generator_at(2), dtype=y.dtype)
+        results.append((y, *torch.autograd.grad(y, v, weight)))
+    for quick, plain in zip(*results):
+        torch.testing.assert_close(quick, plain, atol=1e-9, rtol=1e-7)
+
+
+def test_the_fast_path_in_single_precision() -> None:
+    x = (torch.rand(2, 32, 32, 32, generator=generator_at(0)) < 0.05).float()
+    azimuth = torch.tensor([0.4, 3.0])
+    for rule in ("any", "absorption"):
+        quick, plain = (Silhouette(rule=rule, fast=fast)(x, azimuth=azimuth) for fast in (True, False))
+        torch.testing.assert_close(quick, plain, atol=1e-4, rtol=0)
+
+
+def test_differentiable_in_the_view() -> None:
+    x = (torch.rand(1, 5, 5, 5, generator=generator_at(0))).double()
+    a, e = (torch.tensor([v], dtype=torch.float64, requires_grad=True) for v in (0.3, 0.0))
+    look = Silhouette(size=4, depth_samples=6)
+    assert torch.autograd.gradcheck(lambda a, e: look(x, azimuth=a, elevation=e), (a, e))
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_absorption_does_not_depend_on_the_number_of_samples(camera: str) -> None:
+    x = ball(16, 0.6)
+    looks = [
+        Silhouette(rule="absorption", camera=camera, density=0.2, depth_samples=n)(x, azimuth=torch.tensor([0.3]))
+        for n in (None, 100, 200)
+    ]
+    for look in looks[:2]:
+        torch.testing.assert_close(look, looks[2], atol=0.01, rtol=0)
+
+
+@pytest.mark.parametrize("resolution", [8, 18, 32])
+def test_one_full_voxel_absorbs_by_the_density(resolution: int) -> None:
+    x = torch.zeros(1, resolution, resolution, resolution)
+    x[:, :, :, 3] = 1
+    y = Silhouette(rule="absorption", density=2)(x, azimuth=torch.zeros(1))
+    torch.testing.assert_close(y, torch.full_like(y, 1 - math.exp(-2)), atol=1e-5, rtol=0)
+
+
+def test_half_precision_volumes_are_seen_in_single_precision() -> None:
+    x = torch.rand(1, 8, 8, 8, generator=generator_at(0)).bfloat16().requires_grad_()
+    with torch.autocast("cpu", torch.bfloat16):
+        y = Silhouette(viewport=1.3)(x, azimuth=torch.tensor([0.4]))
+    y.sum().backward()
+    assert y.dtype == torch.float32 and x.grad is not None and x.grad.dtype == torch.bfloat16
+    torch.testing.assert_close(y, Silhouette(viewport=1.3)(x.float(), azimuth=torch.tensor([0.4])))
+
+
+def test_the_hull_casts_the_same_silhouettes() -> None:
+    x = (torch.rand(1, 16, 16, 16, generator=generator_at(0)) < 0.02).float()
+    hull = visual_hull(x)
+    look = Silhouette()
+    for quarter in range(4):
+        azimuth = torch.tensor([quarter * math.pi / 2])
+        torch.testing.assert_close(look(hull, azimuth=azimuth), look(x, azimuth=azimuth), atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"rule": "max"}, "unknown rule 'max'; choose one of any, alpha, absorption"),
+        ({"camera": "fish"}, "unknown camera"),
+        ({"viewport": 0}, "positive"),
+        ({"density": -1}, "positive"),
+        ({"camera": "perspective", "distance": 1.0}, "distance above 2"),
+        ({"size": 0}, "at least 1"),
+    ],
+)
+def test_bad_options_say_what_to_choose(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        Silhouette(**options)
+
+
+def test_bad_shapes_say_what_is_wanted() -> None:
+    with pytest.raises(UserError, match=r"\(B, X, Y, Z\), not \(2, 8, 8\)"):
+        Silhouette()(torch.zeros(2, 8, 8), azimuth=torch.zeros(2))
+    with pytest.raises(UserError, match=r"one azimuth a volume: \(2,\), not \(3,\)"):
+        Silhouette()(torch.zeros(2, 8, 8, 8), azimuth=torch.zeros(3))
+    with pytest.raises(UserError, match="one elevation a volume"):
+        Silhouette()(torch.zeros(2, 8, 8, 8), azimuth=torch.zeros(2), elevation=torch.zeros(1))
+    with pytest.raises(TypeError, match="azimut"):
+        Silhouette()(torch.zeros(2, 8, 8, 8), azimut=torch.zeros(2))
+
+
+def test_sixteen_azimuth_bins() -> None:
+    bins = azimuth_bins()
+    assert len(bins) == 16 and len({look.name for look in bins}) == 16
+    for k, look in enumerate(bins):
+        draws = look.prior.sample(500, generator_at(k))
+        offset = torch.rad2deg(draws["azimuth"]) - 22.5 * k
+        assert offset.abs().max() <= 11.25 + 1e-3 and offset.min() < -10 and offset.max() > 10
+        assert not draws["elevation"].any()
+
+
+def test_twenty_four_azimuth_elevation_bins() -> None:
+    bins = azimuth_elevation_bins()
+    assert len(bins) == 24 and len({look.name for look in bins}) == 24
+    elevation = torch.cat([look.prior.sample(100, generator_at(0))["elevation"] for look in bins[:3]])
+    bands = torch.rad2deg(elevation).view(3, 100)
+    for band, low in zip(bands, (-22.5, -7.5, 7.5)):
+        assert band.min() >= low - 1e-3 and band.max() <= low + 15 + 1e-3
+
+
+def test_continuous_and_prgan_views() -> None:
+    (around,), (prgan,) = continuous_views(), prgan_views()
+    azimuth = around.prior.sample(1000, generator_at(0))["azimuth"]
+    assert azimuth.min() < 0.1 and azimuth.max() > 6.2
+    draws = prgan.prior.sample(2000, generator_at(0))
+    level = draws["elevation"] == 0
+    assert torch.unique(draws["azimuth"][level]).tolist() == pytest.approx([k * math.pi / 4 for k in range(8)])
+    assert (~level).float().mean() == pytest.approx(1 / 9, abs=0.03)
+
+
+def test_an_observation_looks() -> None:
+    x = torch.rand(3, 8, 8, 8, generator=generator_at(0))
+    assert azimuth_bins(4)[1](x, generator_at(1)).shape == (3, 1, 8, 8)
