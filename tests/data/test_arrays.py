@@ -8,6 +8,8 @@ import struct
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from unproject._types import UserError
 from unproject.data import Collection, Framing
@@ -135,3 +137,19 @@ def test_from_memory():
         Collection(np.array([[np.nan]]))
     with pytest.raises(UserError, match="holds no items"):
         Collection(np.zeros((0, 4)))
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    place=st.integers(0, 10**6), value=st.integers(0, 255), kept=st.floats(0, 1), suffix=st.sampled_from(["npz", "npy"])
+)
+def test_a_damaged_file_is_read_or_refused_and_nothing_else(tmp_path_factory, place, value, kept, suffix):
+    path = tmp_path_factory.mktemp("damage") / f"x.{suffix}"
+    np.savez(path, sil=masks) if suffix == "npz" else np.save(path, masks)
+    damaged = bytearray(path.read_bytes())
+    damaged[place % len(damaged)] = value
+    path.write_bytes(damaged if kept > 0.5 else damaged[: int(2 * kept * len(damaged))])
+    try:
+        assert len(Collection(path)) >= 1
+    except UserError as error:
+        assert str(path) in str(error)

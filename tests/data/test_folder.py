@@ -124,7 +124,7 @@ def test_size_and_framing_are_obeyed(tmp_path):
     found = Collection(str(tmp_path), size=40, framing=Framing(mode="keep"))
     assert found.items.shape == (1, 1, 40, 40)
     assert float(found.items.mean()) == pytest.approx(block().mean() / 255, rel=1e-5)
-    with pytest.raises(UserError, match="too small"):
+    with pytest.raises(UserError, match="a size of 1 makes no sense; give 4"):
         Collection(tmp_path, size=1)
 
 

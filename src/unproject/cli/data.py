@@ -19,9 +19,9 @@ def run(
     *,
     out: Path | None = None,
     size: int | None = None,
-    mode: Literal["crop", "keep"] = "crop",
-    threshold: float = 0.5,
-    polarity: Literal["auto", "light", "dark"] = "auto",
+    mode: Literal["crop", "keep"] | None = None,
+    threshold: float | None = None,
+    polarity: Literal["auto", "light", "dark"] | None = None,
     strict: bool = False,
     json: bool = False,
 ) -> None:
@@ -32,16 +32,18 @@ def run(
         path: A folder of pictures, an .npz, .npy or idx file, or a 3-D collection.
         out: Write a contact sheet of the framed pictures to this PNG file.
         size: Side of the framed pictures in pixels; 64 for folders, as stored for arrays, unless given.
-        mode: Crop and centre the object, or keep it where it is.
-        threshold: Coverage at which a pixel belongs to the object.
-        polarity: Whether the object is light or dark; auto reads it off the border.
+        mode: Crop and centre the object, or keep it where it is; crop for folders, keep for arrays unless given.
+        threshold: Coverage at which a pixel belongs to the object; 0.5 for masks, 0.08 for photographs unless given.
+        polarity: Whether the object is light or dark; auto, which it is unless given, reads it off the border.
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
     """
     from ..data import Framing, inspect
 
-    framing = Framing(mode=mode, threshold=threshold, polarity=polarity)
-    found = inspect(path, size=size, framing=None if framing == Framing() else framing, strict=strict)
+    given = {"mode": mode, "threshold": threshold, "photo_threshold": threshold, "polarity": polarity}
+    given = {name: value for name, value in given.items() if value is not None}
+    framing = Framing(**given) if given else None  # pyright: ignore[reportArgumentType]
+    found = inspect(path, size=size, framing=framing, strict=strict)
     print(json_format.dumps(found.as_dict()) if json else found.table())
     if found.collection is None:
         name, _, _, reason = found.rows[0]

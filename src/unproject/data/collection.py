@@ -64,8 +64,7 @@ def find_records(path: Path, size: int | None, framing: Framing | None, strict: 
     Raises:
         UserError: if nothing is there, or no reader knows it.
     """
-    if size is not None and size < 4:
-        raise UserError(f"{path}: a size of {size} is too small; give at least 4")
+    check_size(path, size)
     file, selector = split_selector(path)
     if path.is_dir():
         return _of_folder(path, size, framing, strict)
@@ -76,6 +75,12 @@ def find_records(path: Path, size: int | None, framing: Framing | None, strict: 
     if file.suffix.lower() in PICTURES:
         raise UserError(f"{path}: is one picture; name the folder it lies in")
     return read_arrays(file, size, framing, strict)
+
+
+def check_size(path: Path, size: int | None) -> None:
+    """Refuse sizes nothing can be seen at, and those that fill the memory with one item."""
+    if size is not None and not 4 <= size <= 4096:
+        raise UserError(f"{path}: a size of {size} makes no sense; give 4 to 4096")
 
 
 def _of_folder(path: Path, size: int | None, framing: Framing | None, strict: bool) -> Records:

@@ -12,7 +12,7 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from .collection import Collection, holds_only_shapes
+from .collection import Collection, check_size, holds_only_shapes
 from .folder import SIZE, VIEWS, read_views, survey_folder
 from .framing import Framing
 from .records import Records
@@ -81,6 +81,7 @@ def inspect(
         UserError: if there is nothing to look at; pictures that cannot be used are rows, not errors.
     """
     path = Path(path)
+    check_size(path, size)
     if path.is_dir() and not holds_only_shapes(path):
         return _inspect_folder(path, size or SIZE, framing or Framing(), strict)
     found = Collection(path, size=size, framing=framing, strict=strict)

@@ -72,8 +72,11 @@ def is_shape_archive(path: Path) -> bool:
     """Whether a file is an .npz of packed bits, told by the names of its arrays."""
     if not path.is_file() or not zipfile.is_zipfile(path):
         return False
-    with zipfile.ZipFile(path) as archive:
-        names = set(archive.namelist())
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = set(archive.namelist())
+    except zipfile.BadZipFile:  # its end looks right and its directory does not; the reader of arrays will say so
+        return False
     return "shape.npy" in names and bool(names & {"X_train.npy", "X_test.npy", "volume.npy", "voxels.npy"})
 
 
