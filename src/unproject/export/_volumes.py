@@ -26,7 +26,8 @@ def as_batch(volumes: ArrayLike) -> np.ndarray:
     """(B, X, Y, Z) float32 from a tensor or an array with or without the batch axis.
 
     Raises:
-        UserError: no shapes, a wrong number of axes, images instead of volumes, or values that are not finite (naming the first such shape).
+        UserError: no shapes, a wrong number of axes, images instead of volumes, or values that are not finite;
+            the message names the first such shape.
     """
     detached: Any = volumes.detach().cpu() if hasattr(volumes, "detach") else volumes  # pyright: ignore
     batch = np.asarray(detached, dtype=np.float32)

@@ -14,7 +14,7 @@ from unproject.export._volumes import Written, as_batch, within
 
 def npz(volumes: ArrayLike, path: str | PathLike[str]) -> Written:
     """The volumes, compressed: at the path if it ends in .npz, else volumes.npz in that folder."""
-    final = within(Path(path), ".npz", "volumes.npz")
+    batch, final = as_batch(volumes), within(Path(path), ".npz", "volumes.npz")
     with atomic_path(final) as temporary:
-        np.savez_compressed(temporary, volume=as_batch(volumes))
+        np.savez_compressed(temporary, volume=batch)
     return Written((final,))

@@ -137,8 +137,8 @@ def _gif(images: list[Image.Image]) -> bytes:
     several = images[:: max(1, len(images) // 4)]
     palette = Image.fromarray(np.concatenate([np.asarray(i) for i in several])).quantize(64, Image.Quantize.MEDIANCUT)
     colours = np.array(palette.getpalette()).reshape(-1, 3)
-    # The fitted white is a mean with the palest shadows: a true one keeps the frame from showing on a white page.
-    colours[colours.sum(1).argmax()] = 255
+    # Pillow does not tell 252 from 255 when it looks colours up, and a frame that is not quite white shows on a page.
+    colours[(colours >= 248).all(1)] = 255
     palette.putpalette(colours.ravel().tolist())
     quantized = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     content = io.BytesIO()

@@ -53,8 +53,8 @@ def without_floaters(
 ) -> np.ndarray:
     """The volume without its small loose parts.
 
-    Parts are the 26-connected components of {v > level}; those with fewer than `min_fraction` of the voxels of
-    the largest are set to zero, and all but the largest if `largest`.
+    Parts are the 26-connected components of {v > level}: what touches in a corner belongs together. Those with
+    fewer than `min_fraction` of the voxels of the largest are set to zero, and all but the largest if `largest`.
     """
     v = np.asarray(volume)
     parts, n = ndimage.label(v > level, structure=np.ones((3, 3, 3)))

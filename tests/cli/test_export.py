@@ -1,0 +1,54 @@
+"""`unproject export` on an .npz of `unproject sample`; runs have their own tests."""
+
+from __future__ import annotations
+
+import os
+import typing
+
+import numpy as np
+import pytest
+
+from unproject import export
+from unproject.cli import main
+from unproject.cli.export import run
+
+
+@pytest.fixture
+def samples(tmp_path):
+    v = np.zeros((3, 8, 8, 8), np.float32)
+    v[:2, 2:6, 1:7, 2:6] = 1
+    np.savez_compressed(tmp_path / "samples.npz", volume=v)
+    return tmp_path / "samples.npz"
+
+
+def test_the_formats_are_those_of_the_package():
+    assert typing.get_args(typing.get_type_hints(run)["to"]) == tuple(export.FORMATS)
+
+
+@pytest.mark.parametrize("to", export.FORMATS)
+def test_every_format_is_written(samples, tmp_path, capsys, to):
+    assert main(["export", str(samples), "--to", to, "--n", "1", "--out", str(tmp_path / "out")]) == 0
+    assert os.listdir(tmp_path / "out") and "wrote" in capsys.readouterr().out
+
+
+def test_empty_shapes_are_named_and_the_rest_written(samples, tmp_path, capsys):
+    assert main(["export", str(samples), "--out", str(tmp_path / "scene.glb"), "--faces", "40"]) == 0
+    assert "skipped shape_02: shape_02 is empty" in capsys.readouterr().out
+    assert (tmp_path / "scene.glb").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    "flags", [["--to", "stl"], ["--to", "vox", "--faces", "9"], ["--n", "0"], ["--faces", "1"], ["--to", "vox"]]
+)
+def test_mistakes_are_one_line_and_status_2(samples, tmp_path, capsys, flags):
+    assert main(["export", str(samples), "--out", str(tmp_path / "out.vox"), *flags]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("unproject: ") and error.count("\n") == 1
+    assert os.listdir(tmp_path) == ["samples.npz"]
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"text"])
+def test_a_file_of_something_else_is_one_line_and_status_2(tmp_path, capsys, content):
+    (tmp_path / "x.npz").write_bytes(content)
+    assert main(["export", str(tmp_path / "x.npz"), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.startswith(f"unproject: {tmp_path / 'x.npz'} holds no `volume` array")
