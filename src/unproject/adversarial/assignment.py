@@ -1,0 +1,128 @@
+"""Assignment: which way of looking made each real image?
+
+`Known`: each image comes with it (MP-GAN). `Predicted`: nobody knows; a view predictor trained on the
+generator's own labelled projections says so, and everything is trained in alternation (VP-MP-GAN).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from .._random import generator_at
+from .._types import UserError
+
+
+@dataclass(frozen=True)
+class Known:
+    """Image n was made by the look whose collection it is in, and that look's head judges it."""
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Rounds of: train the generator, train a view predictor on its projections, assign the real images.
+
+    Round 0 gives every image a uniformly random way of looking and one head (PrGAN with discrete views).
+    At the start of every later round the predictor is trained on projections of generated things at uniform
+    views; each real image takes the most probable way of looking (`draw="argmax"`) or one drawn from the
+    predicted probabilities (`draw="posterior"`). A generated thing is looked at in the way of the real image
+    it is paired with, so the view distribution is the predicted one.
+
+    Args:
+        starts: the part of the budget at which each later round starts, increasing within (0, 1).
+        predictor: (image shape, number of ways) → view predictor.
+        images: projections of generated things that each round's predictor is trained on.
+        steps, batch, learning_rate: of the predictor, whose weights go on from round to round.
+        clusters: judge with this many heads, from k-means of the predicted probabilities, in place of one
+            head a way of looking.
+        restart: train the generator and the discriminator of round 1 from scratch, as the released code does.
+        binarise: threshold projections at ½ before the predictor sees them.
+
+    References:
+        Li et al. 2019; schedule and clusters from the authors' released implementation.
+    """
+
+    predictor: Callable[[tuple[int, ...], int], nn.Module]
+    starts: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8)
+    images: int = 4096
+    steps: int = 200
+    batch: int = 128
+    learning_rate: float = 2e-3
+    draw: Literal["argmax", "posterior"] = "argmax"
+    clusters: int | None = None
+    restart: bool = False
+    binarise: bool = False
+
+    def __post_init__(self) -> None:
+        if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
+            raise UserError(f"Predicted(starts={self.starts}): give increasing parts of the budget between 0 and 1")
+
+
+def uniform_ways(images: int, ways: int, seed: int) -> Tensor:
+    """A uniformly random way of looking for every image, (images,)."""
+    return torch.randint(ways, (images,), generator=generator_at(seed, 0, "uniform ways"))
+
+
+def train_predictor(
+    predictor: nn.Module,
+    images: Tensor,
+    ways: Tensor,
+    settings: Predicted,
+    seed: int,
+    progress: Callable[[int, float], None] = lambda step, loss: None,
+) -> float:
+    """Fit `predictor` to images (N, C, H, W) of known ways (N,) by cross entropy; returns the last loss.
+
+    Adam (0.5, 0.999), learning rate falling linearly to zero. Leaves the predictor in evaluation mode.
+    """
+    optimiser = torch.optim.Adam(predictor.parameters(), settings.learning_rate, (0.5, 0.999))
+    predictor.train()
+    images = (images > 0.5).to(images) if settings.binarise else images
+    loss = torch.tensor(float("nan"))
+    for step in range(settings.steps):
+        rows = torch.randint(len(images), (settings.batch,), generator=generator_at(seed, step, "view predictor"))
+        optimiser.param_groups[0]["lr"] = settings.learning_rate * (1 - step / settings.steps)
+        loss = F.cross_entropy(predictor(images[rows]), ways[rows].to(images.device))
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        if step % 20 == 0:
+            progress(step, loss.item())
+    predictor.eval()
+    return loss.item()
+
+
+@torch.no_grad()
+def predict(predictor: nn.Module, images: Tensor, batch: int = 512) -> Tensor:
+    """The probability of every way of looking for each image, (N, ways), on the CPU."""
+    device = next(predictor.parameters()).device
+    return torch.cat([predictor(part.to(device)).softmax(1).cpu() for part in images.split(batch)])
+
+
+def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator) -> Tensor:
+    """One way of looking for each row of (N, ways): the most probable, or a draw."""
+    if draw == "argmax":
+        return probabilities.argmax(1)
+    return torch.multinomial(probabilities, 1, generator=rng)[:, 0]
+
+
+def k_means(rows: Tensor, clusters: int, rng: torch.Generator, iterations: int = 50) -> Tensor:
+    """The cluster of each row by Lloyd's algorithm from k-means++ seeds; an empty cluster keeps its centre."""
+    centres = rows[torch.randint(len(rows), (1,), generator=rng)]
+    while len(centres) < clusters:
+        nearest = torch.cdist(rows, centres).min(1).values.square() + 1e-12
+        centres = torch.cat([centres, rows[torch.multinomial(nearest, 1, generator=rng)]])
+    cluster = torch.cdist(rows, centres).argmin(1)
+    for _ in range(iterations):
+        for c in cluster.unique().tolist():
+            centres[c] = rows[cluster == c].mean(0)
+        moved = torch.cdist(rows, centres).argmin(1)
+        if torch.equal(moved, cluster):
+            break
+        cluster = moved
+    return cluster

@@ -1,0 +1,16 @@
+"""What verbs set on the machine before they compute."""
+
+from __future__ import annotations
+
+from .._types import UserError
+
+
+def use_threads(threads: int | None) -> None:
+    """Let torch use this many threads; None leaves its own choice."""
+    if threads is None:
+        return
+    if threads < 1:
+        raise UserError(f"--threads {threads}: give at least 1")
+    import torch
+
+    torch.set_num_threads(threads)

@@ -1,0 +1,43 @@
+"""`unproject demo`: the main job on the embedded chairs."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from .._types import UserError
+from ._machine import use_threads
+
+
+def run(*, out: Path = Path("demo"), minutes: float = 7.0, seed: int = 0, threads: int | None = None) -> None:
+    """Learn chairs from 16000 unlabelled silhouettes, with no views and no shapes given, on this machine.
+
+    Leaves in --out: silhouettes.png (what was learned from), chairs.png (a contact sheet of new chairs),
+    turntable.gif, chair-NN.glb for Blender or any viewer, and run/, the run directory.
+
+    Args:
+        out: where to put it all.
+        minutes: of training.
+        seed: of everything random.
+        threads: processor threads; all cores unless given.
+    """
+    from .. import export
+    from ..recipes import origin
+    from ..recipes.shapes import shapes
+    from ..training import load, train
+
+    use_threads(threads)
+    if (out / "run").exists():
+        raise UserError(f"{out}: holds a demo already; remove it, or choose another --out")
+    began = time.monotonic()
+    print(f"Rendering unlabelled silhouettes of a family of chairs, then training for {minutes:g} minutes.")
+    recipe = shapes(minutes=minutes, seed=seed)
+    masks = recipe.looks[0][1].items
+    out.mkdir(parents=True, exist_ok=True)
+    export.silhouette_sheet(masks[:: max(len(masks) // 64, 1)][:64], out / "silhouettes.png")
+    train(recipe, out / "run", origin=origin("shapes", {"minutes": minutes, "seed": seed}))
+    chairs = load(out / "run").generator.sample(16, seed=1)
+    export.contact_sheet(chairs[:8], path=out / "chairs.png")
+    export.turntable(chairs, out / "turntable.gif")
+    export.glb(chairs, out / "glb")
+    print(f"{out}: chairs.png, turntable.gif, glb/ after {(time.monotonic() - began) / 60:.1f} minutes")

@@ -1,0 +1,46 @@
+"""`unproject sample RUN --n N --seed S --out F.npz`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .._types import UserError
+
+
+def run(
+    path: Path,
+    /,
+    *,
+    n: int = 16,
+    seed: int = 0,
+    out: Path = Path("samples.npz"),
+    hull: bool = False,
+    trust: bool = False,
+) -> None:
+    """Draw new things from a run into an .npz file: `volume` (N, X, Y, Z) or `image` (N, 1, H, W), float32.
+
+    Args:
+        path: the run directory.
+        n: how many.
+        seed: which; the same seed gives the same things.
+        out: the file to write.
+        hull: fill what no level view can see.
+        trust: import the generator's code although it is not of this package.
+    """
+    import numpy as np
+
+    from .._files import atomic_path
+    from ..ops.hull import visual_hull
+    from ..training import load
+
+    if n < 1:
+        raise UserError(f"--n {n}: give at least 1")
+    if out.suffix != ".npz":
+        raise UserError(f"--out {out}: give a name that ends in .npz")
+    x = load(path, trust).generator.sample(n, seed)
+    volumetric = x.dim() == 4 and x.shape[1] > 4
+    if hull and volumetric:
+        x = visual_hull(x)
+    with atomic_path(out) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **{"volume" if volumetric else "image": x.numpy()})
+    print(f"{out}: {n} {'volumes' if volumetric else 'images'} of {'x'.join(map(str, x.shape[1:]))}")

@@ -1,0 +1,43 @@
+"""`unproject train RECIPE --data PATH --out RUN`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from ._arguments import bind_recipe
+
+if TYPE_CHECKING:
+    from ..training import Origin, Recipe
+
+
+def run(
+    recipe: Recipe,
+    origin: Origin,
+    /,
+    *,
+    out: Path | None = None,
+    device: Literal["auto", "cpu", "cuda"] = "auto",
+    threads: int | None = None,
+    quiet: bool = False,
+) -> None:
+    """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` goes on from there.
+
+    Args:
+        out: the run directory to make; runs/RECIPE-SEED unless given.
+        device: where to compute.
+        threads: processor threads; all cores unless given.
+        quiet: no progress bar.
+    """
+    from ..training import train
+    from ._machine import use_threads
+
+    use_threads(threads)
+    out = out or Path("runs") / f"{origin.recipe.rpartition(':')[2]}-{recipe.seed}"
+    finished = train(recipe, out, origin=origin, device=device, quiet=quiet)
+    print(f"{out}: {finished.step} steps; next: unproject export {out} --to sheet --out {out}/sheet.png")
+
+
+def parse(argv: Sequence[str]) -> Callable[[], Any]:
+    return bind_recipe("train", argv, run)

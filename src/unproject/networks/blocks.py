@@ -1,0 +1,88 @@
+"""Blocks that networks share: smooth upsampling, strided convolution with one set of weights a head."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from .._types import UserError
+
+
+def upsampling_levels(size: int) -> int:
+    """How often 4 doubles to `size`. Raises UserError unless size is 4·2^k, k ≥ 1."""
+    levels = round(math.log2(size / 4)) if size >= 8 else 0
+    if levels < 1 or 4 * 2**levels != size:
+        raise UserError(f"size {size}: generators double from 4, so choose 8, 16, 32, 64, 128 or 256")
+    return levels
+
+
+class SmoothUpsampling(nn.Module):
+    """A vector to an image (dims=2) or a line (dims=1) of side `size`, by smooth doublings from 4.
+
+    Each level convolves (3 taps an axis) before it interpolates linearly to the doubled side: smoother than a
+    transposed convolution and cheaper, since the convolution works at the smaller side. Batch norm and ReLU
+    follow, and a pointwise convolution ends it, so that edges can be sharper than the interpolation.
+    """
+
+    def __init__(self, dims: int, inputs: int, channels: int, outputs: int, size: int) -> None:
+        super().__init__()
+        convolution = nn.Conv2d if dims == 2 else nn.Conv1d
+        norm = nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d
+        levels = upsampling_levels(size)
+        widths = [channels, *[max(channels // 2**i, outputs, 8) for i in range(1, levels + 1)]]
+        self.mode = "bilinear" if dims == 2 else "linear"
+        self.shape = (channels, *[4] * dims)
+        self.start = nn.Linear(inputs, math.prod(self.shape))
+        self.norms = nn.ModuleList([norm(width) for width in widths])
+        self.levels = nn.ModuleList(
+            [convolution(a, b, 3, padding=1, bias=False) for a, b in zip(widths, widths[1:], strict=False)]
+        )
+        self.last = convolution(widths[-1], outputs, 1)
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        x = self.start(hidden).view(len(hidden), *self.shape)
+        if x.dim() == 4:
+            x = x.contiguous(memory_format=torch.channels_last)
+        x = F.relu(self.norms[0](x))
+        for convolution, norm in zip(self.levels, list(self.norms)[1:], strict=True):
+            x = F.interpolate(convolution(x), scale_factor=2, mode=self.mode, align_corners=False)
+            x = F.relu(norm(x))
+        return self.last(x)
+
+
+class HeadConv(nn.Module):
+    """A 4×4 stride-2 convolution with weights of its own for every head: sample b passes through head[b] alone.
+
+    Samples are gathered by head into equal padded groups, so that the price is that of the largest group
+    times the heads in use, not that of all heads for all samples.
+    """
+
+    def __init__(self, heads: int, inputs: int, outputs: int) -> None:
+        super().__init__()
+        bound = 1 / math.sqrt(inputs * 16)
+        self.weight = nn.Parameter(torch.empty(heads, outputs, inputs * 16).uniform_(-bound, bound))
+        self.bias = nn.Parameter(torch.empty(heads, outputs).uniform_(-bound, bound))
+
+    def forward(self, x: Tensor, head: Tensor) -> Tensor:
+        columns = F.unfold(x, 4, padding=1, stride=2).transpose(1, 2)  # (B, positions, inputs·16)
+        y = grouped_linear(columns, self.weight, self.bias, head)
+        side = (x.shape[-2] // 2, x.shape[-1] // 2)
+        return y.transpose(1, 2).unflatten(2, side)
+
+
+def grouped_linear(x: Tensor, weight: Tensor, bias: Tensor, head: Tensor) -> Tensor:
+    """y[b] = x[b] W[head[b]]ᵀ + c[head[b]] for x (B, P, I), W (H, O, I), c (H, O), as one batched product."""
+    used, group = head.unique(return_inverse=True)
+    order = group.argsort(stable=True)
+    sizes = torch.bincount(group, minlength=len(used))
+    rank = torch.arange(len(head), device=head.device) - (sizes.cumsum(0) - sizes)[group[order]]
+    place = torch.empty_like(order)
+    largest = int(sizes.max())
+    place[order] = group[order] * largest + rank
+    padded = x.new_zeros(len(used) * largest, *x.shape[1:]).index_copy(0, place, x)
+    padded = padded.view(len(used), -1, x.shape[-1])
+    y = torch.baddbmm(bias[used][:, None], padded, weight[used].transpose(1, 2))
+    return y.view(len(used) * largest, x.shape[1], -1)[place]

@@ -1,0 +1,123 @@
+"""Discriminator: tells real y from P_i(G(z), θ), with one head for every way of looking."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+from torch.nn.utils.parametrize import register_parametrization
+
+from .._types import UserError
+from .blocks import HeadConv, grouped_linear
+
+BLOCKS = 4
+
+
+class Discriminator(nn.Module):
+    """Four stride-2 convolutions and a fully connected layer; LeakyReLU; the first `shared` blocks are shared.
+
+    The blocks after the shared ones, and the last layer, exist once per head (per way of looking or per
+    cluster of them). With `shared=4` a head is one row of the last layer. With `bottleneck` a shared layer of
+    that many units stands before the heads. The same class looks at images (B, C, H, W) and at volumes
+    (B, X, Y, Z), where all blocks are shared and there is one head.
+
+    Args:
+        shape: of one input: (C, H, W) or (X, Y, Z) with `volumetric`.
+        heads: how many ways of looking.
+        channels: after the first block; doubles with every block.
+        spectral: spectral normalisation of every layer (Miyato et al. 2018).
+
+    References:
+        Li et al. 2019, supplemental, Part I and Fig. 1.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        heads: int = 1,
+        channels: int = 64,
+        shared: int = 2,
+        spectral: bool = False,
+        slope: float = 0.2,
+        bottleneck: int = 0,
+        volumetric: bool = False,
+    ) -> None:
+        super().__init__()
+        side = shape[-1]
+        if any(s % 2**BLOCKS for s in shape[-2:]):
+            raise UserError(f"discriminator: four halvings need sides that are multiples of 16, not {shape}")
+        self.slope, self.volumetric = slope, volumetric
+        shared = BLOCKS if volumetric or heads == 1 else shared
+        widths = [1 if volumetric else shape[0], *[channels * 2**i for i in range(BLOCKS)]]
+        convolution = nn.Conv3d if volumetric else nn.Conv2d
+        pairs = list(zip(widths, widths[1:], strict=False))
+        self.shared = nn.ModuleList([convolution(a, b, 4, 2, 1) for a, b in pairs[:shared]])
+        self.own = nn.ModuleList([HeadConv(heads, a, b) for a, b in pairs[shared:]])
+        features = widths[-1] * (side // 2**BLOCKS) ** (3 if volumetric else 2)
+        self.bottleneck = nn.Linear(features, bottleneck) if bottleneck else None
+        self.last = nn.Embedding(heads, (bottleneck or features) + 1)
+        nn.init.normal_(self.last.weight, std=(bottleneck or features) ** -0.5)
+        if spectral:
+            self._normalise()
+
+    def _normalise(self) -> None:
+        for module in self.modules():
+            if isinstance(module, (nn.Conv2d, nn.Conv3d, nn.Linear)):
+                register_parametrization(module, "weight", SpectralNorm(module.weight.flatten(1)[None]))
+            elif isinstance(module, HeadConv):
+                register_parametrization(module, "weight", SpectralNorm(module.weight))
+            elif isinstance(module, nn.Embedding):
+                register_parametrization(module, "weight", SpectralNorm(module.weight[:, None]))
+
+    def forward(self, image: Tensor, head: Tensor) -> Tensor:
+        """Logits (B,) of inputs in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
+        x = (image[:, None] if self.volumetric else image) * 2 - 1
+        if not self.volumetric:
+            x = x.contiguous(memory_format=torch.channels_last)
+        for convolution in self.shared:
+            x = F.leaky_relu(convolution(x), self.slope)
+        for convolution in self.own:
+            x = F.leaky_relu(convolution(x, head), self.slope)
+        x = x.flatten(1)
+        if self.bottleneck is not None:
+            x = F.leaky_relu(self.bottleneck(x), self.slope)
+        row = self.last(head)
+        return (x * row[:, :-1]).sum(1) + row[:, -1]
+
+
+class SpectralNorm(nn.Module):
+    """W / σ(W) for every matrix of a stack (heads, O, I), σ by one power iteration a forward pass.
+
+    References:
+        Miyato et al. 2018, Spectral Normalization for GANs.
+    """
+
+    u: Tensor
+
+    def __init__(self, stack: Tensor) -> None:
+        super().__init__()
+        start = torch.ones(stack.shape[0], stack.shape[1], device=stack.device)
+        self.register_buffer("u", F.normalize(start, dim=1))
+        with torch.no_grad():
+            for _ in range(15):
+                self._iterate(stack)
+
+    def _iterate(self, stack: Tensor) -> Tensor:
+        v = F.normalize(torch.bmm(self.u[:, None], stack)[:, 0], dim=1)
+        # Not in place: an earlier forward pass of the same step may still need the old vector.
+        self.u = F.normalize(torch.bmm(stack, v[:, :, None])[:, :, 0], dim=1)
+        return v
+
+    def forward(self, weight: Tensor) -> Tensor:
+        stack = weight if weight.dim() == 3 and weight.shape[0] == self.u.shape[0] else self._stack(weight)
+        with torch.no_grad():
+            v = self._iterate(stack.detach())
+        sigma = torch.einsum("ho,hoi,hi->h", self.u, stack, v)
+        return (stack / sigma[:, None, None]).reshape(weight.shape)
+
+    def _stack(self, weight: Tensor) -> Tensor:
+        heads, outputs = self.u.shape
+        return weight.reshape(heads, outputs, -1)
+
+
+__all__ = ["Discriminator", "SpectralNorm", "grouped_linear"]

@@ -1,0 +1,171 @@
+"""Generator: x = G(z), z ~ N(0, 1): the thing that nobody can measure, drawn from a code."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+import torch
+from torch import Tensor, nn
+
+from .._random import generator_at
+from .._types import UserError
+from .blocks import SmoothUpsampling, upsampling_levels
+
+
+class Generator(nn.Module, ABC):
+    """A module that turns codes (B, code_size) into x, and that can draw its own codes.
+
+    Args:
+        code_size: L, the length of a code.
+        truncation: codes are drawn with |z| ≤ truncation (a truncated normal) when sampling; None: not at all.
+    """
+
+    def __init__(self, code_size: int, truncation: float | None = None) -> None:
+        super().__init__()
+        self.code_size = code_size
+        self.truncation = truncation
+
+    @abstractmethod
+    def forward(self, code: Tensor) -> Tensor:
+        """x = G(z)."""
+
+    def draw(self, n: int, rng: torch.Generator) -> Tensor:
+        """n codes z ~ N(0, 1), (n, code_size)."""
+        return torch.randn(n, self.code_size, generator=rng)
+
+    @torch.no_grad()
+    def sample(self, n: int, seed: int = 0, batch: int = 64) -> Tensor:
+        """n samples in evaluation mode, on the CPU; sample i is the same whatever n and `batch` are."""
+        device = next(self.parameters()).device
+        codes = torch.cat([self._one_code(seed, i) for i in range(n)]) if n else torch.empty(0, self.code_size)
+        training = self.training
+        self.eval()
+        try:
+            # A constant batch size keeps the rounding of every sample independent of n.
+            padded = torch.cat([codes, codes.new_zeros(-n % batch, self.code_size)])
+            return torch.cat([self(part.to(device)).float().cpu() for part in padded.split(batch)])[:n]
+        finally:
+            self.train(training)
+
+    def _one_code(self, seed: int, i: int) -> Tensor:
+        rng = generator_at(seed, i, "sample")
+        if self.truncation is None:
+            return self.draw(1, rng)
+        bound = math.erf(self.truncation / math.sqrt(2))
+        uniform = (torch.rand(1, self.code_size, generator=rng) * 2 - 1) * bound
+        return torch.erfinv(uniform) * math.sqrt(2)
+
+
+def reflect_half(x: Tensor) -> Tensor:
+    """The left-right symmetric volume whose left half is that of x (B, X, Y, Z), X even."""
+    left = x[:, : x.shape[1] // 2]
+    return torch.cat([left, left.flip(1)], 1)
+
+
+class VoxelGenerator(Generator):
+    """The seed's generator: 3-D convolutions from 4³ to size³, batch norm and ReLU after each.
+
+    A linear layer gives `channels`×4³; every level doubles the side and halves the channels. `upsampling`
+    "transposed" is the released 4³ stride-2 transposed convolution, "nearest" the seed's upsample + convolution.
+    A last 3³ convolution and (tanh + 1)/2 give occupancy.
+
+    Args:
+        size: side of the volume, 4·2^k.
+        mirror: generate the left half only and reflect it.
+        batch_statistics: batch norm uses the batch's own statistics at inference too, as the released code does.
+
+    References:
+        Li et al. 2019, supplemental, Part I and Fig. 1; Wu et al. 2016 (3D-GAN).
+    """
+
+    def __init__(
+        self,
+        size: int = 64,
+        code_size: int = 256,
+        channels: int = 512,
+        upsampling: str = "transposed",
+        mirror: bool = False,
+        truncation: float | None = None,
+        batch_statistics: bool = False,
+    ) -> None:
+        super().__init__(code_size, truncation)
+        widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
+        self.mirror, self.width = mirror, channels
+        self.start = nn.Linear(code_size, channels * 4**3)
+        layers: list[nn.Module] = [_norm(channels, batch_statistics), nn.ReLU()]
+        for before, after in zip(widths, widths[1:], strict=False):
+            layers += [_doubling(before, after, upsampling), _norm(after, batch_statistics), nn.ReLU()]
+        self.levels = nn.Sequential(*layers, nn.Conv3d(widths[-1], 1, 3, padding=1))
+
+    def forward(self, code: Tensor) -> Tensor:
+        x = self.start(code).view(len(code), self.width, 4, 4, 4)
+        x = (torch.tanh(self.levels(x)[:, 0]) + 1) / 2
+        return reflect_half(x) if self.mirror else x
+
+
+def _norm(channels: int, batch_statistics: bool) -> nn.BatchNorm3d:
+    return nn.BatchNorm3d(channels, track_running_stats=not batch_statistics)
+
+
+def _doubling(before: int, after: int, upsampling: str) -> nn.Module:
+    if upsampling == "transposed":
+        return nn.ConvTranspose3d(before, after, 4, 2, 1)
+    if upsampling == "nearest":
+        return nn.Sequential(nn.Upsample(scale_factor=2), nn.Conv3d(before, after, 3, padding=1))
+    raise UserError(f"upsampling={upsampling!r}: choose 'transposed' or 'nearest'")
+
+
+class LowRankGenerator(Generator):
+    """Occupancy as a sum of plane × line products, for CPUs and for large volumes.
+
+    logit[x, y, z] = b + r^-½ Σ_r (P_xy[r] L_z[r] + P_yz[r] L_x[r] + P_xz[r] L_y[r]) and p = sigmoid(logit).
+    The planes come from 2-D convolutions and the lines from 1-D ones, so that the cost grows with size²
+    rather than size³. Every upsampling is smooth: transposed convolutions alone leave a checkerboard in the
+    factors, and volumes come out striped inside while their silhouettes look right.
+
+    Args:
+        size: side of the volume, 4·2^k.
+        rank: number of products per axis.
+        bias: b at the start; negative, so that training starts from nearly transparent volumes: an opaque
+            one has no gradient, every ray being saturated.
+
+    References:
+        The plane-line factorisation is the VM decomposition of Chen et al. 2022 (TensoRF).
+    """
+
+    def __init__(
+        self,
+        size: int = 32,
+        code_size: int = 128,
+        channels: int = 128,
+        rank: int = 32,
+        mirror: bool = False,
+        bias: float = -5.0,
+        truncation: float | None = None,
+    ) -> None:
+        super().__init__(code_size, truncation)
+        hidden = 256
+        self.mirror, self.scale = mirror, rank**-0.5
+        self.mapping = nn.Sequential(
+            nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
+        )
+        self.planes = nn.ModuleList([SmoothUpsampling(2, hidden, channels, rank, size) for _ in range(3)])
+        self.lines = nn.ModuleList([SmoothUpsampling(1, hidden, channels, rank, size) for _ in range(3)])
+        self.bias = nn.Parameter(torch.tensor(float(bias)))
+
+    def logits(self, code: Tensor) -> Tensor:
+        """The logit of occupancy, (B, X, Y, Z)."""
+        hidden = self.mapping(code)
+        xz, zy, xy = (plane(hidden) for plane in self.planes)
+        along_y, along_x, along_z = (line(hidden) for line in self.lines)
+        # Summed as (B, X, Z, Y): level silhouettes read columns, which are contiguous then.
+        total = torch.bmm(xz.flatten(2).transpose(1, 2), along_y).unflatten(1, xz.shape[2:])
+        total = total + torch.bmm(along_x.transpose(1, 2), zy.flatten(2)).unflatten(2, zy.shape[2:])
+        total = total + along_z.transpose(1, 2)[:, None] @ xy.transpose(1, 2)
+        if self.mirror:
+            total = (total + total.flip(1)) / 2
+        return (total * self.scale + self.bias).transpose(2, 3)
+
+    def forward(self, code: Tensor) -> Tensor:
+        return torch.sigmoid(self.logits(code))

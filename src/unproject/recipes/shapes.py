@@ -1,0 +1,248 @@
+"""Shapes from silhouettes: the recipes of the seed's Part I, and modern ones.
+
+The four arms of every comparison differ by `views` alone:
+
+=========== ============================================== ==========================================
+views       looks                                          assignment
+=========== ============================================== ==========================================
+predicted   16 azimuth bins, one unlabelled collection     `Predicted` (VP-MP-GAN)
+known       16 azimuth bins, each with its own images      `Known` (MP-GAN)
+single      one look from anywhere around                  `Known`, one head (PrGAN)
+direct      the identity on volumes                        `Known`, one head (3D-GAN)
+=========== ============================================== ==========================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import torch
+
+from .._random import derived_seed
+from .._types import UserError
+from ..adversarial.assignment import Known, Predicted
+from ..adversarial.losses import Hinge, Relativistic, Wasserstein
+from ..adversarial.penalties import R1R2, GradientPenalty
+from ..data import Collection, chairs, read, render_silhouettes
+from ..networks import Discriminator, LowRankGenerator, ViewPredictor, VoxelGenerator
+from ..projections.base import Identity
+from ..projections.observation import Observation
+from ..projections.priors import Product
+from ..projections.silhouette import Silhouette, azimuth_bins, continuous_views
+from ..training.recipe import Adam, Looks, Recipe
+
+Views = Literal["predicted", "known", "single", "direct"]
+EMBEDDED_CHAIRS = 1000
+
+
+def shapes(
+    *,
+    data: Path | None = None,
+    views: Views = "predicted",
+    size: int = 32,
+    bins: int = 16,
+    looks_per_shape: int = 16,
+    binary: bool = False,
+    steps: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    batch: int = 64,
+    channels: int = 128,
+    rank: int = 32,
+    density: float = 2.0,
+    rate: float = 5e-4,
+    gamma: float = 1.0,
+    starts: tuple[float, ...] = (0.2, 0.35, 0.5, 0.65, 0.8),
+    mirror: bool = False,
+    precision: Literal["float32", "bfloat16"] = "float32",
+    compile: bool = False,
+    checkpoint_every: int = 500,
+) -> Recipe:
+    """Shapes from silhouettes, made for a laptop: low-rank generator, relativistic loss with lazy R1 + R2.
+
+    Args:
+        data: a folder of pictures, an .npz, or a 3-D collection; a family of chairs unless given.
+        views: what is known of the views: predicted (nothing, but estimated), known, single (nothing, one
+            discriminator head), or direct (no projection: train on the volumes themselves).
+        size: voxels, and pixels, a side.
+        bins: ways of looking: bins of azimuth.
+        looks_per_shape: silhouettes rendered of each shape of a 3-D collection.
+        binary: cut rendered silhouettes at one half.
+        steps: budget in steps; 4000 if neither steps nor minutes is given.
+        minutes: budget in minutes of the clock.
+        seed: of the weights, of every draw, and of the rendered silhouettes.
+        batch: images an update.
+        channels: width of the generator.
+        rank: plane-line products an axis.
+        density: what one full voxel stops is 1 - exp(-density).
+        rate: learning rate.
+        gamma: weight of R1 and R2.
+        starts: parts of the budget at which views are predicted anew.
+        mirror: make only shapes that are symmetric left to right.
+        precision: of the networks.
+        compile: use torch.compile.
+        checkpoint_every: steps between checkpoints.
+    """
+    silhouette = Silhouette(size=size, rule="absorption", density=density)
+    adam = Adam(rate, beta1=0.0, beta2=0.95)
+    return Recipe(
+        generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror),
+        discriminator=partial(
+            Discriminator,
+            channels=16 if views == "direct" else 32,
+            shared=4,
+            bottleneck=256,
+            volumetric=views == "direct",
+        ),
+        looks=look_at(data, views, azimuth_bins(bins, silhouette), size, looks_per_shape, binary, seed),
+        assignment=Predicted(ViewPredictor, starts) if views == "predicted" else Known(),
+        loss=Relativistic(),
+        penalty=R1R2(gamma, every=4),
+        generator_optimiser=adam,
+        discriminator_optimiser=adam,
+        batch=batch,
+        steps=steps if steps or minutes else 4000,
+        minutes=minutes,
+        seed=seed,
+        precision=precision,
+        compile=compile,
+        checkpoint_every=checkpoint_every,
+    )
+
+
+def shapes_paper(
+    *,
+    data: Path | None = None,
+    views: Views = "predicted",
+    size: int = 64,
+    bins: int = 16,
+    looks_per_shape: int = 16,
+    binary: bool = False,
+    steps: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    batch: int = 32,
+    channels: int = 512,
+    loss: Literal["wasserstein", "hinge"] = "wasserstein",
+    clusters: int | None = None,
+    released: bool = False,
+    mirror: bool = False,
+    checkpoint_every: int = 500,
+) -> Recipe:
+    """Shapes from silhouettes with the seed's choices: a full 3-D generator, spectral norm, WGAN-GP, five rounds.
+
+    Args:
+        data: a folder of pictures, an .npz, or a 3-D collection; a family of chairs unless given.
+        views: predicted, known, single or direct, as in `shapes`.
+        size: voxels, and pixels, a side.
+        bins: ways of looking: bins of azimuth.
+        looks_per_shape: silhouettes rendered of each shape of a 3-D collection.
+        binary: cut rendered silhouettes at one half.
+        steps: budget in generator steps; 300000 (five rounds of 60000) if neither steps nor minutes is given.
+        minutes: budget in minutes of the clock.
+        seed: of the weights, of every draw, and of the rendered silhouettes.
+        batch: images an update.
+        channels: of the generator's 4³ level.
+        loss: wasserstein (with gradient penalty) or hinge.
+        clusters: discriminator heads by k-means of the predicted views; the released code uses 8.
+        released: the released code's camera (viewport 1.4), alpha rule and inference with batch statistics.
+        mirror: generate half a volume and reflect it.
+        checkpoint_every: steps between checkpoints.
+    """
+    silhouette = Silhouette(size=size, rule="alpha", viewport=1.4) if released else Silhouette(size=size)
+    generator = partial(
+        VoxelGenerator,
+        size=size,
+        channels=channels,
+        mirror=mirror,
+        upsampling="transposed" if released else "nearest",
+        batch_statistics=released,
+        truncation=0.75 if released else None,
+    )
+    adam = Adam(1e-4, beta1=0.5, beta2=0.999)
+    return Recipe(
+        generator=generator,
+        discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
+        looks=look_at(data, views, azimuth_bins(bins, silhouette), size, looks_per_shape, binary, seed),
+        assignment=Predicted(
+            partial(ViewPredictor, channels=32),
+            (0.2, 0.4, 0.6, 0.8),
+            65536,
+            100_000,
+            32,
+            1e-3,
+            clusters=clusters,
+            restart=True,
+            binarise=True,
+        )
+        if views == "predicted"
+        else Known(),
+        loss=Wasserstein() if loss == "wasserstein" else Hinge(),
+        penalty=GradientPenalty(10.0) if loss == "wasserstein" else None,
+        generator_optimiser=adam,
+        discriminator_optimiser=adam,
+        discriminator_steps=2,
+        batch=batch,
+        steps=steps if steps or minutes else 300_000,
+        minutes=minutes,
+        seed=seed,
+        checkpoint_every=checkpoint_every,
+    )
+
+
+def look_at(
+    data: Path | None,
+    views: Views,
+    bins: Sequence[Observation],
+    size: int,
+    looks_per_shape: int,
+    binary: bool,
+    seed: int,
+) -> Looks:
+    """Pair observations with what `data` has to offer them; see the table at the top of the module."""
+    collection = read_or_make(data, size, seed)
+    volumetric = collection.items.shape[1:] == (size, size, size)
+    if views == "direct":
+        if not volumetric:
+            raise UserError(
+                f"{collection.source}: direct training needs volumes; give a 3-D collection or other --views"
+            )
+        return [(Observation("volume", Identity(), Product()), collection)]
+    if volumetric:
+        collection = render_silhouettes(
+            collection, bins, looks_per_shape, derived_seed(seed, 0, "silhouettes"), binary=binary
+        )
+    if views == "single":
+        return [(*continuous_views(bins[0].projection), collection)]  # pyright: ignore[reportArgumentType]
+    if views == "predicted":
+        return [(observation, collection) for observation in bins]
+    return by_known_view(collection, bins)
+
+
+def read_or_make(data: Path | None, size: int, seed: int) -> Collection:
+    if data is None:
+        return Collection(chairs(EMBEDDED_CHAIRS, size, seed=0))
+    return read(data, size=size)
+
+
+def by_known_view(collection: Collection, bins: Sequence[Observation]) -> Looks:
+    """Give each observation the images whose known view its prior contains."""
+    if collection.latents is None or "azimuth" not in collection.latents:
+        raise UserError(
+            f"{collection.source}: known views are asked for but none are there; add a views.csv "
+            "(file,azimuth in degrees) or use --views predicted"
+        )
+    latents = {"elevation": torch.zeros(len(collection)), **collection.latents}
+    looks = []
+    for observation in bins:
+        rows = observation.prior.contains(latents).nonzero()[:, 0]
+        if len(rows):
+            looks.append((observation, collection.subset(rows)))
+    if not looks:
+        raise UserError(
+            f"{collection.source}: no known view falls into any bin; check views.csv (degrees, elevation 0)"
+        )
+    return looks

@@ -1,0 +1,52 @@
+"""Checkpoints: one safetensors file each, appearing whole or not at all. Nothing in them is executable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from .._files import atomic_path
+from .._types import UserError
+
+FORMAT = "unproject-1"
+KEEP = 2
+
+
+def save(folder: Path, step: int, tensors: dict[str, Tensor]) -> Path:
+    """Write the checkpoint of a step, then drop all but the newest two. A full disk leaves the older ones."""
+    path = folder / f"step-{step:09d}.safetensors"
+    with atomic_path(path) as temporary:
+        try:
+            save_file(tensors, temporary, metadata={"format": FORMAT})
+        except SafetensorError as error:  # the library's name for a failed write
+            raise OSError(f"{path}: {error}") from error
+    for old in list_checkpoints(folder)[:-KEEP]:
+        old.unlink()
+    return path
+
+
+def list_checkpoints(folder: Path) -> list[Path]:
+    """The checkpoints of a folder, oldest first."""
+    return sorted(folder.glob("step-*.safetensors"))
+
+
+def newest(folder: Path) -> Path:
+    """The newest checkpoint. Raises UserError if there is none."""
+    found = list_checkpoints(folder)
+    if not found:
+        raise UserError(f"{folder}: no checkpoint yet; train longer, or lower --checkpoint-every")
+    return found[-1]
+
+
+def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
+    """The tensors of a checkpoint whose names begin with `prefix`. Raises UserError if it is not one of ours."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            if (file.metadata() or {}).get("format") != FORMAT:
+                raise UserError(f"{path}: not a checkpoint of unproject ({FORMAT}); point to a run of this program")
+            return {name: file.get_tensor(name) for name in file.keys() if name.startswith(prefix)}  # noqa: SIM118
+    except SafetensorError as error:
+        raise UserError(f"{path}: damaged ({error}); delete it, and the run resumes from the one before") from error

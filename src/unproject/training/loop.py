@@ -1,0 +1,284 @@
+"""The training loop: read `train` top to bottom.
+
+A step is a function of the state and of (seed, step) alone, so a run killed at any instant and resumed gives
+the numbers of one never killed, as long as the budget is in steps; a budget in minutes depends on the clock.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import torch
+from torch import Tensor
+
+from .._random import derived_seed, generator_at
+from ..adversarial.assignment import Predicted, choose_ways, k_means, predict, train_predictor
+from . import checkpoint, run_directory
+from .distribution import Distribution
+from .health import EVERY, Diverged, check
+from .panel import Panel, panel_rng
+from .pictures import save_samples
+from .recipe import Recipe
+from .recorder import Recorder
+from .run_directory import Origin, Run
+from .state import State
+
+PREDICTOR_CHUNK, LOOKS = 256, 4
+
+
+def train(
+    recipe: Recipe, out: str | Path, *, origin: Origin | None = None, device: str = "auto", quiet: bool = False
+) -> Run:
+    """Train a recipe from the start into a new run directory and return the run.
+
+    Raises:
+        UserError: if `out` holds a run already, or training diverges twice.
+        OSError: if the disk is full; checkpoints already written stay good.
+    """
+    distribution = Distribution(device)
+    out = Path(out)
+    if distribution.leads:
+        run_directory.create(out, recipe, origin)
+    return _run(recipe, out, State(recipe, distribution.device), distribution, quiet)
+
+
+def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool = False) -> Run:
+    """Go on with a run from its newest checkpoint; `recipe` must be the run's, a larger budget aside."""
+    distribution = Distribution(device)
+    out = Path(out)
+    run_directory.check_same(out, recipe)
+    state = State(recipe, distribution.device)
+    if checkpoint.list_checkpoints(out / "checkpoints"):
+        state.load(checkpoint.load(checkpoint.newest(out / "checkpoints")))
+    return _run(recipe, out, state, distribution, quiet)
+
+
+def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
+    loop = Loop(recipe, out, state, distribution)
+    with Recorder(out, state.counters.step, quiet or not distribution.leads) as recorder, stop_request() as stop:
+        loop.recorder = recorder
+        while loop.progress() < 1 and not distribution.agree(stop()):
+            try:
+                loop.advance()
+            except Diverged as trouble:
+                loop.go_back(trouble)
+        loop.save()
+    distribution.close()
+    return run_directory.load(out, trust=True)
+
+
+class Loop:
+    """A run in progress: the state and what is needed to advance it."""
+
+    recorder: Recorder
+
+    def __init__(self, recipe: Recipe, out: Path, state: State, distribution: Distribution) -> None:
+        self.recipe, self.out, self.state, self.distribution = recipe, out, state, distribution
+        self.forward = torch.compile(state.generator) if recipe.compile else None
+        self.began = time.monotonic() - state.counters.seconds
+        self.saved = state.counters.step if state.counters.step else -1
+
+    def progress(self) -> float:
+        """The part of the budget spent; by the leading process's clock, so that all processes agree."""
+        seconds = time.monotonic() - self.began
+        return self.distribution.average(self.recipe.progress(self.state.counters.step, seconds))
+
+    def advance(self) -> None:
+        """One step, with whatever is due before and after it."""
+        counters = self.state.counters
+        progress = self.progress()
+        assignment = self.recipe.assignment
+        if isinstance(assignment, Predicted):
+            due = sum(start <= progress for start in assignment.starts)
+            if due > counters.round:
+                self.assign(assignment, due)
+        self._set_rates(progress)
+        losses, real, fake = self._step()
+        counters.step += 1
+        self.state.update_average(self.recipe.half_life)
+        counters.seconds = time.monotonic() - self.began
+        if counters.step % EVERY == 0:
+            numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
+            counters.dull = check(counters.step, numbers, real, fake, counters.dull)
+            self.recorder.write(counters.step, counters.seconds, **{k: round(v, 6) for k, v in numbers.items()})
+            self.recorder.show(progress, f"step {counters.step}")
+        if counters.step % self.recipe.checkpoint_every == 0:
+            self.save()
+
+    def _step(self) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        """`discriminator_steps` updates of the discriminators and one of the generator."""
+        recipe, state = self.recipe, self.state
+        losses: dict[str, Tensor] = {}
+        for i in range(recipe.discriminator_steps):
+            draw = state.counters.step * recipe.discriminator_steps + i
+            last = i == recipe.discriminator_steps - 1
+            with torch.set_grad_enabled(last):
+                x = self._generate(draw)
+            batches = [self._batch(panel, x, draw, index, last) for index, panel in enumerate(state.panels)]
+            losses |= self._update_discriminators(batches, draw)
+        losses["loss_g"] = self._update_generator(batches)
+        return losses, batches[0].real, batches[0].fake.detach()
+
+    def _generate(self, draw: int) -> Tensor:
+        rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")
+        code = self.state.generator.draw(self.recipe.batch, rng).to(self.state.device)
+        with self._autocast():
+            return (self.forward or self.state.generator)(code).float()
+
+    def _batch(self, panel: Panel, x: Tensor, draw: int, index: int, differentiable: bool) -> Batch:
+        recipe, ranks = self.recipe, self.distribution
+        rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
+        with torch.set_grad_enabled(differentiable):
+            fake = panel.look(x, panel.ways[rows], panel_rng(recipe.seed, draw, index, ranks.rank))
+        return Batch(panel, panel.items[rows].to(fake), fake, panel.heads[rows].to(fake.device))
+
+    def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
+        recipe, state = self.recipe, self.state
+        state.discriminators.requires_grad_(True)
+        penalise = recipe.penalty is not None and draw % recipe.penalty.every == 0
+        total, smooth = torch.zeros((), device=state.device), torch.zeros((), device=state.device)
+        for index, batch in enumerate(batches):
+            with self._autocast():
+                # One concatenated forward: batch statistics see both kinds of image, spectral vectors move once.
+                logits = batch.panel.discriminator(torch.cat([batch.real, batch.fake.detach()]), batch.head.repeat(2))
+            real, fake = logits.float().chunk(2)
+            total = total + recipe.loss.discriminator(real, fake)
+            batch.real_logits = real.detach()
+            if penalise and recipe.penalty is not None:
+                rng = generator_at(recipe.seed, draw, f"penalty/{index}/{self.distribution.rank}")
+                smooth = smooth + recipe.penalty(batch.judge, batch.real, batch.fake.detach(), rng)
+        self._apply(state.discriminators, state.discriminator_optimiser, total + smooth)
+        return {"loss_d": total.detach()} | ({"penalty": smooth.detach()} if penalise else {})
+
+    def _update_generator(self, batches: list[Batch]) -> Tensor:
+        # The discriminators' own gradients are not wanted here; skipping them saves a third of the pass.
+        self.state.discriminators.requires_grad_(False)
+        total = torch.zeros((), device=self.state.device)
+        for batch in batches:
+            with self._autocast():
+                fake = batch.judge(batch.fake)
+            total = total + self.recipe.loss.generator(batch.real_logits, fake.float())
+        self._apply(self.state.generator, self.state.generator_optimiser, total)
+        return total.detach()
+
+    def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
+        optimiser.zero_grad()
+        loss.backward()
+        self.distribution.average_gradients(module)
+        optimiser.step()
+
+    def _autocast(self) -> torch.autocast:
+        return torch.autocast(self.state.device.type, torch.bfloat16, enabled=self.recipe.precision == "bfloat16")
+
+    def _set_rates(self, progress: float) -> None:
+        state, recipe = self.state, self.recipe
+        for optimiser, settings in (
+            (state.generator_optimiser, recipe.generator_optimiser),
+            (state.discriminator_optimiser, recipe.discriminator_optimiser),
+        ):
+            optimiser.param_groups[0]["lr"] = settings.rate_at(progress) * state.counters.rate_scale
+
+    def assign(self, settings: Predicted, due: int) -> None:
+        """A round of assignment: train the view predictor on what the generator makes, assign the real images."""
+        state, recipe = self.state, self.recipe
+        panel, ways = state.panels[0], len(state.panels[0].observations)
+        assert state.predictor is not None
+        self.distribution.copy_from_leader([*state.average.parameters(), *state.average.buffers()])
+
+        seed = derived_seed(recipe.seed, due, "assignment")
+        report = self.recorder.subtask("view predictor", settings.steps)
+        loss = train_predictor(state.predictor, *self._labelled(settings.images, seed), settings, seed, report)
+        report(settings.steps, loss)
+        probabilities = predict(state.predictor, panel.items)
+        rng = generator_at(seed, 0, "choose")
+        panel.ways = choose_ways(probabilities, settings.draw, rng)
+        panel.heads = k_means(probabilities, settings.clusters, rng) if settings.clusters else panel.ways.clone()
+        self.distribution.copy_from_leader([panel.ways, panel.heads])
+        if settings.restart and state.counters.round == 0:
+            state.restart(recipe)
+            self.forward = torch.compile(state.generator) if recipe.compile else None
+        state.counters.round = due
+        state.counters.seconds = time.monotonic() - self.began
+        counts = torch.bincount(panel.ways, minlength=ways).tolist()
+        self.recorder.write(
+            state.counters.step, state.counters.seconds, event="assigned", round=due, loss=round(loss, 6), ways=counts
+        )
+
+    @torch.no_grad()
+    def _labelled(self, images: int, seed: int) -> tuple[Tensor, Tensor]:
+        """Projections of generated things at uniform ways of looking, and those ways; each thing is seen often."""
+        panel, average = self.state.panels[0], self.state.average
+        seen, ways = [], []
+        for start in range(0, images, PREDICTOR_CHUNK):
+            rng = generator_at(seed, start, "labelled projections")
+            things = average(average.draw(PREDICTOR_CHUNK // LOOKS, rng).to(self.state.device))
+            ways.append(torch.randint(len(panel.observations), (PREDICTOR_CHUNK,), generator=rng))
+            seen.append(panel.look(things.repeat_interleave(LOOKS, 0), ways[-1], rng))
+        return torch.cat(seen), torch.cat(ways)
+
+    def save(self) -> None:
+        """A checkpoint and a picture, unless this step has them."""
+        counters = self.state.counters
+        if self.saved == counters.step:
+            return
+        counters.seconds = time.monotonic() - self.began
+        if self.distribution.leads:
+            checkpoint.save(self.out / "checkpoints", counters.step, self.state.tensors())
+            save_samples(self.state.average, self.out / "samples" / f"step-{counters.step:09d}.png")
+        self.distribution.barrier()
+        self.saved = counters.step
+
+    def go_back(self, trouble: Diverged) -> None:
+        """Return once to the last good checkpoint, with half the learning rate; the second time, give up."""
+        checkpoints = checkpoint.list_checkpoints(self.out / "checkpoints")
+        counters = self.state.counters
+        if counters.rescues or not checkpoints:
+            raise trouble
+        at, seconds = counters.step, counters.seconds
+        self.state.load(checkpoint.load(checkpoints[-1]))
+        counters.rescues, counters.rate_scale, counters.dull = 1, counters.rate_scale / 2, 0
+        self.began = time.monotonic() - seconds
+        self.recorder.say(f"{trouble}; going back to step {counters.step} with half the learning rate")
+        self.recorder.write(counters.step, seconds, event="rescued", at=at, reason=str(trouble))
+
+
+class Batch:
+    """What one panel sees at one update: pairs of real and generated images, each pair with its head."""
+
+    def __init__(self, panel: Panel, real: Tensor, fake: Tensor, head: Tensor) -> None:
+        self.panel, self.real, self.fake, self.head = panel, real, fake, head
+        self.real_logits = torch.empty(0)
+
+    def judge(self, images: Tensor) -> Tensor:
+        """Logits of one image a pair."""
+        return self.panel.discriminator(images, self.head)
+
+
+@contextmanager
+def stop_request() -> Iterator[Callable[[], bool]]:
+    """The first Ctrl-C (or SIGTERM) asks the loop to save and leave; the second one interrupts at once."""
+    asked = False
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+
+    try:
+        previous = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not in the main thread: signals are someone else's business
+        previous = {}
+    try:
+        yield lambda: asked
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+__all__ = ["Loop", "resume", "train"]

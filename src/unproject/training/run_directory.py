@@ -1,0 +1,168 @@
+"""Run directory: where a run lives on disk, and what can be done with one that exists.
+
+recipe.json        how to build the recipe again, and its full description
+environment.json   versions, machine, command
+stats.jsonl        one JSON object a line: step, seconds, losses, events
+checkpoints/       step-*.safetensors
+samples/           a contact sheet over time
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from functools import partial
+from importlib import import_module, metadata
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from .._files import atomic_path
+from .._types import UserError
+from ..networks import Generator
+from . import checkpoint
+from .recipe import Recipe, describe
+
+BUDGET = ("steps", "minutes")
+HARMLESS = (*BUDGET, "checkpoint_every")
+"""Fields that may differ between a run and its continuation."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """How a recipe was made: a recipe's name (or `module:function`) and its JSON arguments."""
+
+    recipe: str
+    arguments: dict[str, Any]
+
+
+def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
+    """Lay out a new run directory. Raises UserError if there is a run already."""
+    if (path / "recipe.json").exists():
+        raise UserError(
+            f"{path}: holds a run already; `unproject resume {path}` goes on with it, or choose another --out"
+        )
+    if path.exists() and not path.is_dir():
+        raise UserError(f"{path}: is a file; choose another --out")
+    for folder in ("checkpoints", "samples"):
+        (path / folder).mkdir(parents=True, exist_ok=True)
+    origin = origin or Origin("", {})
+    write_json(path / "environment.json", environment())
+    write_json(
+        path / "recipe.json",
+        {"recipe": origin.recipe, "arguments": origin.arguments, "resolved": describe(recipe)},
+    )
+
+
+def write_json(path: Path, value: Any) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+
+
+def read_recipe(path: Path) -> dict[str, Any]:
+    """recipe.json. Raises UserError if `path` is no run or the file is damaged."""
+    file = path / "recipe.json"
+    if not file.is_file():
+        raise UserError(f"{path}: not a run directory (no recipe.json); give the folder that `--out` named")
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        return {"recipe": content["recipe"], "arguments": content["arguments"], "resolved": content["resolved"]}
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{file}: damaged ({error}); restore it from a copy, or train again") from error
+
+
+def check_same(path: Path, recipe: Recipe) -> None:
+    """Raise UserError, naming the field, unless `recipe` is the one the run was started with (budget aside)."""
+    before, now = read_recipe(path)["resolved"], json.loads(json.dumps(describe(recipe)))
+    for name in now:
+        if name not in HARMLESS and before.get(name) != now[name]:
+            raise UserError(
+                f"{path}: {name} differs from when the run was started; resume with the same recipe and data, "
+                "or start a new run"
+            )
+
+
+def environment() -> dict[str, Any]:
+    """Versions, machine and command: what a reader needs to judge or repeat the run."""
+    packages = ("unproject", "torch", "numpy", "safetensors", "lightning-fabric")
+    return {
+        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+        "started": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "commit": _commit(),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": platform.processor() or platform.machine(),
+        "cpus": os.cpu_count(),
+        "threads": torch.get_num_threads(),
+        "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
+        "packages": {name: _version(name) for name in packages},
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    here = Path(__file__).parent
+    answer = subprocess.run(
+        ["git", "-C", str(here), "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip() or None
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run on disk: its path and its generator with the averaged weights."""
+
+    path: Path
+    generator: Generator
+    step: int
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """What recipe.json says."""
+        return read_recipe(self.path)
+
+
+def load(path: str | Path, trust: bool = False) -> Run:
+    """Open a run for sampling: the averaged weights of its newest checkpoint. The training data is not needed.
+
+    The generator's class is named in recipe.json. Classes of this package are built at once; a class from
+    elsewhere would run its module's code, so it is imported only with `trust=True`.
+    """
+    path = Path(path)
+    described = read_recipe(path)["resolved"]["generator"]
+    generator = _build_generator(path, described, trust)
+    newest = checkpoint.newest(path / "checkpoints")
+    tensors = checkpoint.load(newest, "average/")
+    try:
+        generator.load_state_dict({name.removeprefix("average/"): v for name, v in tensors.items()})
+    except RuntimeError as error:
+        raise UserError(f"{newest}: the weights do not fit recipe.json; they belong to another run") from error
+    return Run(path, generator.eval(), int(newest.stem.removeprefix("step-")))
+
+
+def _build_generator(path: Path, described: dict[str, Any], trust: bool) -> Generator:
+    where = str(described.get("call", ""))
+    module, _, name = where.partition(":")
+    if not trust and module.partition(".")[0] != "unproject":
+        raise UserError(f"{path}: its generator is {where}, code outside unproject; add --trust if you wrote it")
+    try:
+        build: Any = import_module(module)
+        for part in name.split("."):
+            build = getattr(build, part)
+        if not trust and not (isinstance(build, type) and issubclass(build, Generator)):
+            raise UserError(f"{path}: recipe.json names {where}, which is no generator; restore the file")
+        return partial(build, *described["positional"], **described["arguments"])()
+    except (ImportError, AttributeError, TypeError, KeyError) as error:
+        raise UserError(f"{path}: recipe.json names a generator that cannot be built ({error})") from error

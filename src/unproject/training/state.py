@@ -1,0 +1,132 @@
+"""State: everything a step changes, and nothing else; what a checkpoint holds."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.optim import Adam as TorchAdam
+
+from .._random import seeded
+from .._types import UserError
+from ..adversarial.assignment import Predicted
+from ..networks import Generator
+from .panel import Panel, build_panels
+from .recipe import Adam, Recipe
+
+
+@dataclass
+class Counters:
+    """The numbers of a state. `round` is the rounds of assignment done, `rescues` the returns to a checkpoint."""
+
+    step: int = 0
+    round: int = 0
+    rescues: int = 0
+    dull: int = 0
+    seconds: float = 0.0
+    rate_scale: float = 1.0
+
+
+class State:
+    """Networks, averaged weights, optimisers, assignments and counters of a run."""
+
+    def __init__(self, recipe: Recipe, device: torch.device) -> None:
+        self.counters = Counters()
+        self.device = device
+        with seeded(recipe.seed, "weights"):
+            self.generator = recipe.generator().to(device)
+            self.panels = build_panels(recipe)
+            self.predictor = self._new_predictor(recipe)
+        for panel in self.panels:
+            panel.discriminator.to(device)
+        self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
+        self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
+        self.discriminators = nn.ModuleList([panel.discriminator for panel in self.panels])
+        self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
+
+    def _new_predictor(self, recipe: Recipe) -> nn.Module | None:
+        if not isinstance(recipe.assignment, Predicted):
+            return None
+        panel = self.panels[0]
+        return recipe.assignment.predictor(panel.shape, len(panel.observations)).to(self.device)
+
+    def restart(self, recipe: Recipe) -> None:
+        """Fresh generator and discriminators, as the released code does for round 1; assignments are kept."""
+        fresh = State(recipe.replace(seed=recipe.seed + 1), self.device)
+        self.generator, self.average = fresh.generator, fresh.average
+        for panel, new in zip(self.panels, fresh.panels, strict=True):
+            panel.discriminator = new.discriminator
+        self.discriminators = fresh.discriminators
+        self.generator_optimiser = fresh.generator_optimiser
+        self.discriminator_optimiser = fresh.discriminator_optimiser
+
+    def update_average(self, half_life: float) -> None:
+        """Move the averaged weights towards the generator's; early on the half-life is a tenth of the step."""
+        half_life = min(half_life, max(self.counters.step / 10, 1.0))
+        with torch.no_grad():
+            for mean, new in zip(self.average.parameters(), self.generator.parameters(), strict=True):
+                mean.lerp_(new, 1 - 0.5 ** (1 / half_life))
+            for mean, new in zip(self.average.buffers(), self.generator.buffers(), strict=True):
+                mean.copy_(new)
+
+    def modules(self) -> Iterator[tuple[str, nn.Module]]:
+        yield "generator", self.generator
+        yield "average", self.average
+        yield "discriminators", self.discriminators
+        if self.predictor is not None:
+            yield "predictor", self.predictor
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every number of the state by name, on the CPU: what a checkpoint stores."""
+        named = {f"{prefix}/{k}": v for prefix, module in self.modules() for k, v in module.state_dict().items()}
+        for prefix, optimiser in self._optimisers():
+            named |= {f"{prefix}/{k}": v for k, v in _optimiser_tensors(optimiser).items()}
+        for i, panel in enumerate(self.panels):
+            named |= {f"panels/{i}/ways": panel.ways, f"panels/{i}/heads": panel.heads}
+        counters = {f"counters/{k}": torch.tensor(v, dtype=torch.float64) for k, v in vars(self.counters).items()}
+        return {k: v.detach().cpu().contiguous().clone() for k, v in {**named, **counters}.items()}
+
+    def load(self, tensors: dict[str, Tensor]) -> None:
+        """Take over stored tensors. Raises UserError if they are not those of this recipe."""
+        for prefix, module in self.modules():
+            own = _strip(tensors, prefix)
+            wanted = {k: v.shape for k, v in module.state_dict().items()}
+            if wanted != {k: v.shape for k, v in own.items()}:
+                raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it belongs to another run")
+            module.load_state_dict(own)
+        for prefix, optimiser in self._optimisers():
+            _load_optimiser(optimiser, _strip(tensors, prefix))
+        for i, panel in enumerate(self.panels):
+            if tensors[f"panels/{i}/ways"].shape != panel.ways.shape:
+                raise UserError("the checkpoint was made with another number of images; it belongs to another run")
+            panel.ways, panel.heads = tensors[f"panels/{i}/ways"], tensors[f"panels/{i}/heads"]
+        for name, value in vars(self.counters).items():
+            setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
+
+    def _optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
+        yield "generator_optimiser", self.generator_optimiser
+        yield "discriminator_optimiser", self.discriminator_optimiser
+
+
+def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
+    return TorchAdam(module.parameters(), settings.rate, (settings.beta1, settings.beta2))
+
+
+def _strip(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {k.removeprefix(f"{prefix}/"): v for k, v in tensors.items() if k.startswith(f"{prefix}/")}
+
+
+def _optimiser_tensors(optimiser: TorchAdam) -> dict[str, Tensor]:
+    moments = optimiser.state_dict()["state"]
+    return {f"{i}/{name}": torch.as_tensor(v) for i, entry in moments.items() for name, v in entry.items()}
+
+
+def _load_optimiser(optimiser: TorchAdam, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in tensors.items():
+        index, name = key.split("/")
+        state.setdefault(int(index), {})[name] = value
+    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
