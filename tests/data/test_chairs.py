@@ -41,6 +41,16 @@ def test_they_lie_inside_the_cylinder_and_are_centred(many):
         assert float((low + high - 31).abs().max()) <= 2
 
 
+def test_the_most_extreme_parameters_stay_inside_too():
+    ends = torch.rand(300, len(PARAMETERS), generator=torch.Generator().manual_seed(0)) > 0.5
+    spans = enumerate(PARAMETERS.items())
+    occupied = build_chairs({name: torch.where(ends[:, k], s.high, s.low) for k, (name, s) in spans}) > 0
+    centre = (2 * torch.arange(32) + 1 - 32) / 32
+    radius = torch.hypot(centre[:, None], centre[None]) * occupied.any(2)
+    assert 0.88 < float(radius.max()) <= 0.95
+    assert float((centre.abs() * occupied.any(3).any(1)).max()) <= 0.9
+
+
 def test_they_face_forward_with_the_back_behind(many):
     upper = many[:, :, 22:].sum((1, 2))
     behind, before = upper[:, :16].sum(1), upper[:, 16:].sum(1)

@@ -66,6 +66,11 @@ def test_modes_of_pictures_agree(tmp_path):
     assert len(found) == 7 and (found.items == found.items[:1]).all()
 
 
+def test_sixteen_bits_are_shares_of_65535(tmp_path):
+    Image.fromarray(np.full((8, 8), 16384, np.uint16)).save(tmp_path / "a.png")
+    assert np.allclose(read_picture(tmp_path / "a.png"), 0.25, atol=1e-4)
+
+
 def test_a_photograph_is_turned_as_its_camera_says(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6

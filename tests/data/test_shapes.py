@@ -14,7 +14,7 @@ import trimesh
 from unproject._types import UserError
 from unproject.data import Collection, read_shapes, render_silhouettes
 from unproject.data.shapes import read_binvox, read_mesh
-from unproject.data.voxelise import normalised, voxelise
+from unproject.data.voxelise import crossings, normalised, voxelise
 
 MODELNET = Path(__file__).parents[2].parent / "shared/data/shapes3d/modelnet7_vox30_packbits.npz"
 
@@ -93,6 +93,14 @@ def test_overlapping_and_inside_out_parts_stay_solid():
     volume = 2 * a.volume - math.pi * (4 * 0.5 + 0.3) * (2 * 0.5 - 0.3) ** 2 / 12
     assert voxelise(both.vertices, both.faces, 32, True).mean() * 8 == pytest.approx(volume, rel=0.03)
     assert np.allclose(voxelise(a.vertices, a.faces[:, ::-1], 32), voxelise(a.vertices, a.faces, 32))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_winding_number_of_a_closed_mesh_is_one_inside_from_every_side(axis):
+    mesh = trimesh.creation.icosphere(3, 0.7)
+    triangles = (mesh.triangles + 1) * 12 - 0.5
+    windings = np.cumsum(crossings(triangles, axis, 24), -1)
+    assert set(np.unique(windings)) == {0, 1} and windings[12, 12, 12] == 1 and (windings[..., -1] == 0).all()
 
 
 def test_a_mesh_with_a_hole_is_still_solid():

@@ -28,7 +28,7 @@ Parameters = dict[str, Tensor]
 
 BASES = ("four legs", "sled", "pedestal", "block")
 BACKS = ("solid", "vertical slats", "ladder", "panel")
-REACH, RISE = 0.93, 0.9
+REACH = 0.93
 THIN = 0.11
 
 

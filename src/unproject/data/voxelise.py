@@ -26,7 +26,7 @@ def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int, soft: boo
     triangles = (vertices[faces].astype(np.float64) + 1) * fine / 2 - 0.5
     votes, touched = [], np.zeros((fine,) * 3, dtype=bool)
     for axis in range(3):
-        changes = _crossings(triangles, axis, fine)
+        changes = crossings(triangles, axis, fine)
         touched |= np.moveaxis(changes != 0, -1, axis)[:fine, :fine, :fine]
         forward = np.cumsum(changes, -1)
         votes += [np.moveaxis(w[..., :fine], -1, axis) for w in (forward, forward - forward[..., -1:])]
@@ -36,7 +36,7 @@ def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int, soft: boo
     return np.where(sheets, 1.0, share if soft else share >= 0.5).astype(np.float32)
 
 
-def _crossings(triangles: np.ndarray, axis: int, fine: int) -> np.ndarray:
+def crossings(triangles: np.ndarray, axis: int, fine: int) -> np.ndarray:
     """(F, F, F + 1) changes of the winding number along `axis`, the other two axes first.
 
     Entry k is the change between the sample points k - 1 and k.
