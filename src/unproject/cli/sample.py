@@ -41,6 +41,7 @@ def run(
     volumetric = x.dim() == 4 and x.shape[1] > 4
     if hull and volumetric:
         x = visual_hull(x)
+    kind = "volume" if volumetric else "image"
     with atomic_path(out) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{"volume" if volumetric else "image": x.numpy()})
-    print(f"{out}: {n} {'volumes' if volumetric else 'images'} of {'x'.join(map(str, x.shape[1:]))}")
+        np.savez_compressed(file, **{kind: x.numpy()})  # pyright: ignore[reportArgumentType]
+    print(f"{out}: {n} {kind}s of {'x'.join(map(str, x.shape[1:]))}")

@@ -97,7 +97,7 @@ def shapes(
             bottleneck=256,
             volumetric=views == "direct",
         ),
-        looks=look_at(data, views, azimuth_bins(bins, silhouette), size, looks_per_shape, binary, seed),
+        looks=look_at(data, views, silhouette, bins, looks_per_shape, binary, seed),
         assignment=Predicted(ViewPredictor, starts) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=4),
@@ -166,7 +166,7 @@ def shapes_paper(
     return Recipe(
         generator=generator,
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
-        looks=look_at(data, views, azimuth_bins(bins, silhouette), size, looks_per_shape, binary, seed),
+        looks=look_at(data, views, silhouette, bins, looks_per_shape, binary, seed),
         assignment=Predicted(
             partial(ViewPredictor, channels=32),
             (0.2, 0.4, 0.6, 0.8),
@@ -196,14 +196,15 @@ def shapes_paper(
 def look_at(
     data: Path | None,
     views: Views,
-    bins: Sequence[Observation],
-    size: int,
+    silhouette: Silhouette,
+    bins: int,
     looks_per_shape: int,
     binary: bool,
     seed: int,
 ) -> Looks:
     """Pair observations with what `data` has to offer them; see the table at the top of the module."""
-    collection = read_or_make(data, size, seed)
+    size = silhouette.size or 32
+    collection, ways = read_or_make(data, size), azimuth_bins(bins, silhouette)
     volumetric = collection.items.shape[1:] == (size, size, size)
     if views == "direct":
         if not volumetric:
@@ -213,16 +214,16 @@ def look_at(
         return [(Observation("volume", Identity(), Product()), collection)]
     if volumetric:
         collection = render_silhouettes(
-            collection, bins, looks_per_shape, derived_seed(seed, 0, "silhouettes"), binary=binary
+            collection, ways, looks_per_shape, derived_seed(seed, 0, "silhouettes"), binary=binary
         )
     if views == "single":
-        return [(*continuous_views(bins[0].projection), collection)]  # pyright: ignore[reportArgumentType]
+        return [(observation, collection) for observation in continuous_views(silhouette)]
     if views == "predicted":
-        return [(observation, collection) for observation in bins]
-    return by_known_view(collection, bins)
+        return [(observation, collection) for observation in ways]
+    return by_known_view(collection, ways)
 
 
-def read_or_make(data: Path | None, size: int, seed: int) -> Collection:
+def read_or_make(data: Path | None, size: int) -> Collection:
     if data is None:
         return Collection(chairs(EMBEDDED_CHAIRS, size, seed=0))
     return read(data, size=size)

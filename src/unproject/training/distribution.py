@@ -30,7 +30,7 @@ class Distribution:
             raise UserError("device 'cuda': no CUDA device is there; use --device cpu")
         if device not in ("cpu", "cuda"):
             raise UserError(f"device {device!r}: choose auto, cpu or cuda")
-        self.device = torch.device(device, int(os.environ.get("LOCAL_RANK", "0")) if device == "cuda" else None)
+        self.device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if device == "cuda" else "cpu")
         if self.world > 1:
             self._fabric.launch()
 

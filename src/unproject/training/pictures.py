@@ -6,7 +6,6 @@ from pathlib import Path
 
 from torch import Tensor
 
-from .._files import atomic_path
 from ..export import contact_sheet
 from ..networks import Generator
 
@@ -16,5 +15,4 @@ SHOWN = 6
 def save_samples(generator: Generator, path: Path) -> None:
     """A contact sheet of the same six codes at every call, so that pictures of a run can be compared."""
     x: Tensor = generator.sample(SHOWN, seed=0, batch=SHOWN)
-    with atomic_path(path) as temporary:
-        contact_sheet(x, size=96).save(temporary)
+    contact_sheet(x, path, size=96)

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from .._types import UserError
 from ..adversarial.assignment import Known, Predicted
 from ..adversarial.losses import Loss, Relativistic
-from ..adversarial.penalties import Penalty, R1R2
+from ..adversarial.penalties import R1R2, Penalty
 from ..data import Collection
 from ..networks import Discriminator, Generator
 from ..projections.observation import Observation

@@ -14,7 +14,7 @@ from .._random import seeded
 from .._types import UserError
 from ..adversarial.assignment import Predicted
 from ..networks import Generator
-from .panel import Panel, build_panels
+from .panel import build_panels
 from .recipe import Adam, Recipe
 
 
