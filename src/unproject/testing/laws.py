@@ -1,0 +1,110 @@
+"""What a law is, and what laws measure with."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+Case = TypeVar("Case")
+
+
+class LawError(AssertionError):
+    """A part breaks a law; the message names the law, what was measured and the likely cause."""
+
+
+class LawResult(NamedTuple):
+    """One law applied to one part."""
+
+    name: str
+    passed: bool
+    detail: str
+
+
+@dataclass(frozen=True)
+class Law(Generic[Case]):
+    """`test` returns what it measured and raises `LawError` if that breaks the law.
+
+    If a `first` law is broken, the later ones cannot be judged and are not tried.
+    """
+
+    name: str
+    statement: str
+    cause: str
+    test: Callable[[Case], str]
+    first: bool = False
+
+    def apply(self, case: Case) -> LawResult:
+        try:
+            return LawResult(self.name, True, f"{self.statement} ({self.test(case)})")
+        except Exception as error:
+            measured = str(error) if isinstance(error, LawError) else f"{type(error).__name__}: {error}"
+            return LawResult(self.name, False, f"{self.statement}; but {measured}. Likely cause: {self.cause}")
+
+
+def apply_laws(laws: Sequence[Law[Case]], case: Case) -> list[LawResult]:
+    results = []
+    for law in laws:
+        results.append(law.apply(case))
+        if law.first and not results[-1].passed:
+            break
+    return results
+
+
+def raise_broken(part: Any, results: list[LawResult]) -> None:
+    broken = [f"- {r.name}: {r.detail}" for r in results if not r.passed]
+    if broken:
+        raise LawError("\n".join([f"{type(part).__name__} breaks {len(broken)} of {len(results)} laws tried", *broken]))
+
+
+def need(holds: bool, otherwise: str) -> None:
+    if not holds:
+        raise LawError(otherwise)
+
+
+def same(a: Tensor, b: Tensor, tolerance: float, what: str) -> str:
+    """a = b within `tolerance` relative to the largest value; NaN equals NaN, finiteness having its own law."""
+    need(a.shape == b.shape, f"{what} have the shapes {tuple(a.shape)} and {tuple(b.shape)}")
+    both = a.isfinite() & b.isfinite()
+    error = (a[both] - b[both]).abs().max().item() if both.any() else 0.0
+    bound = tolerance * max(1.0, b[both].abs().max().item() if both.any() else 0.0)
+    need(error <= bound and bool((a.isfinite() == b.isfinite()).all()), f"{what} differ by {error:.3g}")
+    return f"largest difference {error:.1g}"
+
+
+def equal(a: Any, b: Any) -> bool:
+    if isinstance(a, Tensor) and isinstance(b, Tensor):
+        return a.shape == b.shape and bool(((a == b) | ((a != a) & (b != b))).all())
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(equal(a[k], b[k]) for k in a)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(map(equal, a, b))
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.array_equal(np.asarray(a), np.asarray(b))
+    # A deep copy of an object without __eq__ never equals it: what it holds decides.
+    return equal(vars(a), vars(b)) if _plain_object(a) and type(a) is type(b) else bool(a == b)
+
+
+def _plain_object(value: Any) -> bool:
+    return type(value).__eq__ is object.__eq__ and hasattr(value, "__dict__") and not callable(value)
+
+
+@contextmanager
+def global_seed(seed: int) -> Iterator[None]:
+    """Fix what torch, numpy and Python draw from when no generator is given; put it back afterwards."""
+    python, numpy = random.getstate(), np.random.get_state()
+    try:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            random.seed(seed)
+            np.random.seed(seed)
+            yield
+    finally:
+        random.setstate(python)
+        np.random.set_state(numpy)
