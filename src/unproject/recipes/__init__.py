@@ -38,6 +38,9 @@ def origin(name: str, arguments: dict[str, Any]) -> Origin:
     """What recipe.json remembers of a call: paths become absolute, so that a run resumes from any folder."""
     from ..training.run_directory import Origin
 
+    source, _, function = name.rpartition(":")
+    if source.endswith(".py"):
+        name = f"{Path(source).absolute()}:{function}"
     stored = {k: {"path": str(v.absolute())} if isinstance(v, Path) else v for k, v in arguments.items()}
     return Origin(name, stored)
 

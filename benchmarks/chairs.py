@@ -1,0 +1,131 @@
+"""ModelNet chairs at 32³ from silhouettes: Known, Predicted, the PrGAN setting and direct training, side by side.
+
+    python benchmarks/chairs.py --data ARCHIVE.npz --minutes 12 --seeds 2 --parallel 2 --threads 1
+
+Every arm is `unproject train shapes` with one flag changed and the same wall clock. Each is scored against the 100
+test chairs with as many samples as there are training chairs, and so is the training set itself. The gauge of the
+arms that do not know the views is chosen on the training chairs, never on the test chairs. Arms that are finished
+are not computed again: docs/results/chairs/ARM-SEED.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+
+from unproject import export
+from unproject.data import read
+from unproject.metrics import ViewAccuracy, confusion_picture, shape_scores, view_accuracy, view_scores
+from unproject.recipes import rebuild
+from unproject.training import Origin, load
+from unproject.training.evaluation import assigned_panel, supervised_ceiling, true_views
+from unproject.training.run_directory import environment, read_recipe
+
+ARMS = ("known", "predicted", "single", "direct")
+RESULTS = Path(__file__).parent.parent / "docs" / "results" / "chairs"
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", required=True, help="packed archive of voxels with a class chair")
+    parser.add_argument("--minutes", type=float, default=12)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--parallel", type=int, default=1, help="runs at a time")
+    parser.add_argument("--threads", type=int, default=2, help="threads a run")
+    parser.add_argument("--runs", type=Path, default=Path("runs/chairs"))
+    parser.add_argument("--arms", nargs="*", default=list(ARMS))
+    options = parser.parse_args(argv)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    jobs = [(arm, seed) for seed in range(options.seeds) for arm in options.arms]
+    jobs = [job for job in jobs if not result(*job).exists()]
+    with ThreadPoolExecutor(options.parallel) as pool:
+        for _ in pool.map(lambda job: train(*job, options), jobs):
+            pass
+    for arm, seed in jobs:
+        score(arm, seed, options)
+    if not result("training-set", 0).exists():
+        score_training_set(options.data)
+    print(table())
+
+
+def result(arm: str, seed: int) -> Path:
+    return RESULTS / f"{arm}-{seed}.json"
+
+
+def train(arm: str, seed: int, options: argparse.Namespace) -> None:
+    out = options.runs / f"{arm}-{seed}"
+    if (out / "recipe.json").exists():
+        command = ["resume", str(out)]
+    else:
+        flags = {"data": f"{options.data}:chair", "views": arm, "minutes": options.minutes, "seed": seed, "out": out}
+        command = ["train", "shapes", *[part for k, v in flags.items() for part in (f"--{k}", str(v))]]
+    subprocess.run(
+        [sys.executable, "-m", "unproject", *command, "--quiet", "--threads", str(options.threads)], check=True
+    )
+
+
+def score(arm: str, seed: int, options: argparse.Namespace) -> None:
+    run = load(options.runs / f"{arm}-{seed}")
+    training, test = read(f"{options.data}:chair/train").items, read(f"{options.data}:chair/test").items
+    generated = run.generator.sample(len(training), seed)
+    free = arm in ("predicted", "single")
+    scores = shape_scores(generated, test, selection=training if free else None, bins=16 if free else None, seed=seed)
+    if arm == "predicted":
+        found, ceiling = views(run.path)
+        scores |= view_scores(found, ceiling, seed)
+        confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.png")
+    export.contact_sheet(generated[:8], RESULTS / f"{arm}-{seed}.png", size=96)
+    last = [json.loads(line) for line in (run.path / "stats.jsonl").open()][-1]
+    made_by = environment() | json.loads((run.path / "environment.json").read_text())
+    about = {"arm": arm, "seed": seed, "steps": run.step, "seconds": last["seconds"], "environment": made_by}
+    write(result(arm, seed), {**about, "scores": {name: asdict(value) for name, value in scores.items()}})
+
+
+def views(path: Path) -> tuple[ViewAccuracy, ViewAccuracy]:
+    """The accuracy of the assigned views up to gauge, and that of a predictor trained on the true ones."""
+    stored = read_recipe(path)
+    recipe = rebuild(Origin(stored["recipe"], stored["arguments"]))
+    panel = assigned_panel(load(path), recipe)
+    true = true_views(recipe, panel)
+    assert true is not None
+    return view_accuracy(panel.ways, true), supervised_ceiling(panel, true, recipe.seed)
+
+
+def score_training_set(data: str) -> None:
+    training, test = read(f"{data}:chair/train").items, read(f"{data}:chair/test").items
+    scores = shape_scores(training, test, bins=None)
+    write(result("training-set", 0), {"arm": "training-set", "scores": {k: asdict(v) for k, v in scores.items()}})
+
+
+def write(path: Path, value: object) -> None:
+    path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+
+
+def table() -> str:
+    """All results so far, as Markdown."""
+    best = json.loads(result("training-set", 0).read_text())["scores"]
+    columns = ("mmd_iou", "cov_iou", "1nna_iou", "mmd_chamfer", "cov_chamfer")
+    lines = ["| arm | seed | steps | " + " | ".join(columns) + " |", "|---" * (len(columns) + 3) + "|"]
+    for file in sorted(RESULTS.glob("*.json")):
+        content = json.loads(file.read_text())
+        cells = [f"{content['scores'][c]['value']:.4f} ({ratio(content, best, c):.2f}×)" for c in columns]
+        first = [content["arm"], str(content.get("seed", "")), str(content.get("steps", ""))]
+        lines.append("| " + " | ".join(first + cells) + " |")
+    return "\n".join(lines)
+
+
+def ratio(content: dict, best: dict, column: str) -> float:
+    return content["scores"][column]["value"] / best[column]["value"]
+
+
+if __name__ == "__main__":
+    began = time.monotonic()
+    main()
+    print(f"{(time.monotonic() - began) / 60:.1f} minutes")
