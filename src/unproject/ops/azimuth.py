@@ -41,59 +41,55 @@ class PlaneRays:
 
     def forward(self) -> Gather:
         """A: each sample, (B size samples) rows, gathers the four places around it."""
-        (x_u, z_u), (x_w, z_w) = self._positions(self._range(self.size), self._range(self.samples))
-        x, z = x_u[:, :, None] + x_w[:, None, :], z_u[:, :, None] + z_w[:, None, :]
-        (xs, x_weight), (zs, z_weight) = _neighbours(x, self.plane[0]), _neighbours(z, self.plane[1])
-        weight = x_weight[..., :, None] * z_weight[..., None, :]
-        return Gather(self._index(xs, zs, self.plane), weight.view(-1, 4))
+        c, s = (value[:, None, None] for value in cos_sin(self.azimuth))
+        of_column, of_sample = self._positions(self._range(self.size)[:, None], self._range(self.samples), c, s)
+        x, x_weight = _neighbours(of_column[0] + of_sample[0], self.plane[0])
+        z, z_weight = _neighbours(of_column[1] + of_sample[1], self.plane[1])
+        batch = torch.arange(len(c), dtype=torch.int32, device=c.device)[:, None, None]
+        z = (z * len(c) + batch) * self.plane[0]
+        return _gather(z[None, :] + x[:, None], z_weight[None, :] * x_weight[:, None])
 
-    def adjoint(self) -> Gather:
-        """Aᵀ: each place, (B X Z) rows, gathers the samples within one voxel of it."""
-        column, sample = self._nearby()
-        (x_u, z_u), (x_w, z_w) = self._positions(column, sample)
-        x, z = (self._range(count) for count in self.plane)
+    def adjoint(self, summed: bool = False) -> Gather:
+        """Aᵀ: each place, (Z B X) rows, gathers the samples within one voxel of it; or, of sums, their columns."""
+        c, s = (value[:, None] for value in cos_sin(self.azimuth))
+        x, z = self._range(self.plane[0]), self._range(self.plane[1])[:, None, None]
+        column, sample = self._nearby(x, z, c, s)
+        (x_u, z_u), (x_w, z_w) = self._positions(column, sample, c, s)
         # A sample that does not exist is infinitely far.
-        x_u = (x_u - x[:, None, None]).masked_fill_((column < 0) | (column >= self.size), math.inf)
-        x_w = x_w.masked_fill_((sample < 0) | (sample >= self.samples), math.inf)
-        weight = _hat(x_u[..., :, None] + x_w[..., None, :])
-        weight *= _hat((z_u - z[:, None])[..., :, None] + z_w[..., None, :])
-        column, sample = column.clamp(0, self.size - 1), sample.clamp(0, self.samples - 1)
-        index = self._index(column, sample, (self.size, self.samples))
-        return Gather(index, weight.view(index.shape))
+        x_u = (x_u - x).masked_fill_((column < 0) | (column >= self.size), math.inf)
+        x_w.masked_fill_((sample < 0) | (sample >= self.samples), math.inf)
+        weight = _hat(x_u[:, None] + x_w[None, :])
+        weight *= _hat((z_u - z)[:, None] + z_w[None, :])
+        batch = torch.arange(len(c), dtype=torch.int32, device=c.device)[:, None]
+        column = column.clamp_(0, self.size - 1).int() + batch * self.size
+        if summed:
+            return _gather(column[:, None].expand(weight.shape), weight)
+        return _gather((column * self.samples)[:, None] + sample.clamp_(0, self.samples - 1).int()[None, :], weight)
 
-    def _positions(self, column: Tensor, sample: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-        """Fractional voxel indices (x, z) = (x_u + x_w, z_u + z_w): the parts due to the column and to the sample."""
-        (width, depth) = self.plane
+    def _positions(self, column: Tensor, sample: Tensor, c: Tensor, s: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
+        """Fractional voxel indices (x, z) of samples, as a part due to the column and a part due to the sample."""
+        width, depth = self.plane
         u = self.viewport * ((column * 2 + 1 - self.size) / self.size)
         w = -self.half_depth * ((sample * 2 + 1 - self.samples) / self.samples)
-        (c_u, s_u), (c_w, s_w) = self._cos_sin(u), self._cos_sin(w)
-        of_column = ((u * c_u + 1) * width - 1) / 2, ((1 - u * s_u) * depth - 1) / 2
-        return of_column, (w * s_w * width / 2, w * c_w * depth / 2)
+        of_column = ((u * c + 1) * width - 1) / 2, ((1 - u * s) * depth - 1) / 2
+        return of_column, (w * s * width / 2, w * c * depth / 2)
 
-    def _nearby(self) -> tuple[Tensor, Tensor]:
-        """(B, X, Z, n): columns, and samples, of a lattice that covers the turned ±1 voxel around each place."""
-        x = ((self._range(self.plane[0]) * 2 + 1) / self.plane[0] - 1)[None, :, None]
-        z = ((self._range(self.plane[1]) * 2 + 1) / self.plane[1] - 1)[None, None, :]
-        c, s = (v[:, None, None] for v in cos_sin(self.azimuth))
+    def _nearby(self, x: Tensor, z: Tensor, c: Tensor, s: Tensor) -> tuple[Tensor, Tensor]:
+        """(n, Z, B, X): columns, and samples, of a lattice that covers the turned ±1 voxel around each place."""
+        x, z = (x * 2 + 1) / self.plane[0] - 1, (z * 2 + 1) / self.plane[1] - 1
         reach = 2 * math.sqrt(2) / min(self.plane)
         column = _around((x * c - z * s) / self.viewport, reach / self.viewport, self.size)
         sample = _around(-(x * s + z * c) / self.half_depth, reach / self.half_depth, self.samples)
         return column, sample
 
-    def _cos_sin(self, like: Tensor) -> tuple[Tensor, Tensor]:
-        c, s = cos_sin(self.azimuth)
-        shape = (-1, *[1] * max(1, like.dim() - 1))
-        return c.view(shape), s.view(shape)
-
     def _range(self, count: int) -> Tensor:
         return torch.arange(count, dtype=self.azimuth.dtype, device=self.azimuth.device)
 
-    def _index(self, first: Tensor, second: Tensor, shape: tuple[int, int]) -> Tensor:
-        """Row numbers in a (B shape[0] shape[1]) table, of all pairs of the last dimensions of `first` and `second`."""
-        batch = torch.arange(len(self.azimuth), device=first.device).view(-1, *[1] * (first.dim() - 1))
-        row = (batch * shape[0] + first.long()) * shape[1]
-        index = row[..., :, None] + second.long()[..., None, :]
-        return index.view(-1, first.shape[-1] * second.shape[-1])
+
+def _gather(row: Tensor, weight: Tensor) -> Gather:
+    """From (n, m, …) tap by tap to (…, n m): taps last is what gathers want, taps first is fast to compute."""
+    taps = row.shape[0] * row.shape[1]
+    return Gather(*(value.reshape(taps, -1).t().contiguous() for value in (row, weight)))
 
 
 def _hat(distance: Tensor) -> Tensor:
@@ -102,19 +98,19 @@ def _hat(distance: Tensor) -> Tensor:
 
 
 def _neighbours(position: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """(..., 2): the two cells around `position` and their linear weights, 0 for a cell that does not exist."""
+    """(2, ...): the two cells around `position` and their linear weights, 0 for a cell that does not exist."""
     first = position.floor()
-    cells = torch.stack((first, first + 1), -1)
-    weights = torch.stack((first + 1 - position, position - first), -1)
+    cells = torch.stack((first, first + 1))
+    weights = torch.stack((first + 1 - position, position - first))
     weights.masked_fill_((cells < 0) | (cells >= count), 0)
-    return cells.clamp_(0, count - 1), weights
+    return cells.clamp_(0, count - 1).int(), weights
 
 
 def _around(position: Tensor, reach: float, count: int) -> Tensor:
-    """Indices of the cells of [-1, 1] whose centres may lie within `reach` of `position`."""
+    """(n, ...): indices of the cells of [-1, 1] whose centres may lie within `reach` of `position`."""
     reach = reach * count / 2 + 1e-3
     first = (((position + 1) * count - 1) / 2 - reach).ceil()
-    return first[..., None] + torch.arange(math.floor(2 * reach) + 1, device=position.device)
+    return torch.stack([first + k for k in range(math.floor(2 * reach) + 1)])
 
 
 def ray_samples(volume: Tensor, rays: PlaneRays) -> Tensor:
@@ -130,11 +126,9 @@ def ray_sums(volume: Tensor, rays: PlaneRays) -> Tensor:
         index, weight = rays.forward()
         return Gather(index.view(-1, 4 * rays.samples), weight.view(-1, 4 * rays.samples))
 
-    def spread() -> Gather:
-        index, weight = rays.adjoint()
-        return Gather(index // rays.samples, weight)
-
-    return _Multiply.apply(_columns(volume), summed(), spread).view(len(volume), rays.size, -1)
+    return _Multiply.apply(_columns(volume), summed(), lambda: rays.adjoint(summed=True)).view(
+        len(volume), rays.size, -1
+    )
 
 
 def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:
@@ -148,7 +142,8 @@ def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:
 
 
 def _columns(volume: Tensor) -> Tensor:
-    return volume.transpose(2, 3).reshape(-1, volume.shape[2])
+    """The table of columns, (Z B X, Y): the one order that a plain (fast) transposition of a matrix gives."""
+    return volume.reshape(-1, volume.shape[3]).t().contiguous().view(-1, volume.shape[2])
 
 
 class _Multiply(torch.autograd.Function):
