@@ -43,7 +43,7 @@ class Silhouette(Projection):
         depth_samples: samples a ray; one a voxel unless given. "any" and "alpha" depend on it, "absorption" does not.
         density: of "absorption": one full voxel, whatever the resolution, stops 1 - exp(-density).
         distance: of the pinhole from the object's centre; the field of view is 2 atan(viewport / distance).
-        fast: take the level orthographic fast path (`ops.azimuth`) where it applies: the same values, 8 to 25 times sooner.
+        fast: take the level orthographic fast path (`ops.azimuth`) where it applies: same values, 8 to 25 times sooner.
 
     Raises:
         UserError: for an unknown rule or camera, or a pinhole inside the sampled depth of ±1.5.
