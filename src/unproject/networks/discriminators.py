@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -43,8 +45,8 @@ class Discriminator(nn.Module):
         volumetric: bool = False,
     ) -> None:
         super().__init__()
-        side = shape[-1]
-        if any(s % 2**BLOCKS for s in shape[-2:]):
+        sides = shape if volumetric else shape[1:]
+        if len(shape) != 3 or any(side < 1 or side % 2**BLOCKS for side in sides):
             raise UserError(f"discriminator: four halvings need sides that are multiples of 16, not {shape}")
         self.slope, self.volumetric = slope, volumetric
         shared = BLOCKS if volumetric or heads == 1 else shared
@@ -53,7 +55,7 @@ class Discriminator(nn.Module):
         pairs = list(zip(widths, widths[1:], strict=False))
         self.shared = nn.ModuleList([convolution(a, b, 4, 2, 1) for a, b in pairs[:shared]])
         self.own = nn.ModuleList([HeadConv(heads, a, b) for a, b in pairs[shared:]])
-        features = widths[-1] * (side // 2**BLOCKS) ** (3 if volumetric else 2)
+        features = widths[-1] * math.prod(side // 2**BLOCKS for side in sides)
         self.bottleneck = nn.Linear(features, bottleneck) if bottleneck else None
         self.last = nn.Embedding(heads, (bottleneck or features) + 1)
         nn.init.normal_(self.last.weight, std=(bottleneck or features) ** -0.5)
@@ -109,15 +111,13 @@ class SpectralNorm(nn.Module):
         return v
 
     def forward(self, weight: Tensor) -> Tensor:
-        stack = weight if weight.dim() == 3 and weight.shape[0] == self.u.shape[0] else self._stack(weight)
-        with torch.no_grad():
-            v = self._iterate(stack.detach())
-        sigma = torch.einsum("ho,hoi,hi->h", self.u, stack, v)
-        return (stack / sigma[:, None, None]).reshape(weight.shape)
-
-    def _stack(self, weight: Tensor) -> Tensor:
-        heads, outputs = self.u.shape
-        return weight.reshape(heads, outputs, -1)
+        # Half precision would round σ, and would turn the buffer u into a half-precision one.
+        with torch.autocast(weight.device.type, enabled=False):
+            stack = weight.reshape(*self.u.shape, -1)
+            with torch.no_grad():
+                v = self._iterate(stack)
+            sigma = torch.einsum("ho,hoi,hi->h", self.u, stack, v)
+            return (stack / sigma[:, None, None]).reshape(weight.shape)
 
 
 __all__ = ["Discriminator", "SpectralNorm", "grouped_linear"]

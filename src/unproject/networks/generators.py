@@ -36,15 +36,17 @@ class Generator(nn.Module, ABC):
 
     @torch.no_grad()
     def sample(self, n: int, seed: int = 0, batch: int = 64) -> Tensor:
-        """n samples in evaluation mode, on the CPU; sample i is the same whatever n and `batch` are."""
+        """n samples in evaluation mode, on the CPU; sample i is the same whatever n is.
+
+        It is the same for every `batch` too, up to rounding, unless batch norm uses the batch's own statistics.
+        """
         device = next(self.parameters()).device
-        codes = torch.cat([self._one_code(seed, i) for i in range(n)]) if n else torch.empty(0, self.code_size)
+        # Whole batches of true codes: neither rounding nor statistics of a batch may depend on n.
+        codes = torch.cat([self._one_code(seed, i) for i in range(max(n + -n % batch, batch))])
         training = self.training
         self.eval()
         try:
-            # A constant batch size keeps the rounding of every sample independent of n.
-            padded = torch.cat([codes, codes.new_zeros(-n % batch, self.code_size)])
-            return torch.cat([self(part.to(device)).float().cpu() for part in padded.split(batch)])[:n]
+            return torch.cat([self(part.to(device)).float().cpu() for part in codes.split(batch)])[:n]
         finally:
             self.train(training)
 
@@ -73,7 +75,8 @@ class VoxelGenerator(Generator):
     Args:
         size: side of the volume, 4·2^k.
         mirror: generate the left half only and reflect it.
-        batch_statistics: batch norm uses the batch's own statistics at inference too, as the released code does.
+        batch_statistics: batch norm uses the batch's own statistics at inference too, as the released code does;
+            a sample then depends on the others of its batch, so it is not generated alone.
 
     References:
         Li et al. 2019, supplemental, Part I and Fig. 1; Wu et al. 2016 (3D-GAN).
