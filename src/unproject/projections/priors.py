@@ -13,6 +13,7 @@ from torch import Tensor
 from .._types import UserError
 
 TURN = 2 * math.pi
+GRID = 2**40
 
 
 class Prior(ABC):
@@ -34,7 +35,10 @@ class Prior(ABC):
 
 @dataclass(frozen=True)
 class Uniform(Prior):
-    """θ = low + (high - low) u, u ~ U[0, 1). With `period`, membership is tested modulo the period."""
+    """θ = low + (high - low) u, u ~ U[0, 1). With `period`, membership is tested modulo the period.
+
+    Modulo the period, θ is placed on a grid of 2⁴⁰ steps, so that adjacent bins leave no gap and do not overlap.
+    """
 
     name: str
     low: float
@@ -44,6 +48,8 @@ class Uniform(Prior):
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low <= self.high):
             raise UserError(f"Uniform({self.name!r}, {self.low}, {self.high}): give finite low <= high")
+        if self.period is not None and not 0 < self.period < math.inf:
+            raise UserError(f"Uniform({self.name!r}, period={self.period}): give a positive period, or None")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,9 +60,11 @@ class Uniform(Prior):
 
     def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
         value = latents[self.name]
-        if self.period is not None:
-            value = torch.remainder(value - self.low, self.period) + self.low
-        return (value >= self.low) & ((value < self.high) | (value == self.low))
+        if self.period is None:
+            return (value >= self.low) & ((value < self.high) | (value == self.low))
+        low, high = (round(edge / self.period * GRID) for edge in (self.low, self.high))
+        above_low = ((value.double() / self.period * GRID).round().long() - low) % GRID
+        return (above_low < high - low) | (above_low == 0)
 
 
 @dataclass(frozen=True)
@@ -128,7 +136,7 @@ class Bins(Mixture):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Empirical(Prior):
     """Draws rows of a table of latents, with replacement: the views found in a real collection."""
 
