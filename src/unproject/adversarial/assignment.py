@@ -17,6 +17,8 @@ from torch import Tensor, nn
 from .._random import generator_at
 from .._types import UserError
 
+DRAWS = ("argmax", "posterior")
+
 
 @dataclass(frozen=True)
 class Known:
@@ -61,6 +63,13 @@ class Predicted:
     def __post_init__(self) -> None:
         if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
             raise UserError(f"Predicted(starts={self.starts}): give increasing parts of the budget between 0 and 1")
+        if self.draw not in DRAWS:
+            raise UserError(f"Predicted(draw={self.draw!r}): choose one of {', '.join(DRAWS)}")
+        for name in ("images", "steps", "batch"):
+            if getattr(self, name) < 1:
+                raise UserError(f"Predicted({name}={getattr(self, name)}): must be at least 1")
+        if self.clusters is not None and self.clusters < 1:
+            raise UserError(f"Predicted(clusters={self.clusters}): must be at least 1, or None for a head a way")
 
 
 def uniform_ways(images: int, ways: int, seed: int) -> Tensor:
