@@ -32,7 +32,7 @@ class SmoothUpsampling(nn.Module):
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
         norm = nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d
         levels = upsampling_levels(size)
-        widths = [channels, *[max(channels // 2**i, outputs, 8) for i in range(1, levels + 1)]]
+        widths = [channels, *[max(channels // 2**i, outputs // 2, 8) for i in range(1, levels + 1)]]
         self.mode = "bilinear" if dims == 2 else "linear"
         self.shape = (channels, *[4] * dims)
         self.start = nn.Linear(inputs, math.prod(self.shape))

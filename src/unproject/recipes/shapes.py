@@ -30,8 +30,8 @@ from ..data import Collection, chairs, read, render_silhouettes
 from ..networks import Discriminator, LowRankGenerator, ViewPredictor, VoxelGenerator
 from ..projections.base import Identity
 from ..projections.observation import Observation
-from ..projections.priors import Product
-from ..projections.silhouette import Silhouette, azimuth_bins, continuous_views
+from ..projections.priors import Mixture, Product
+from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training.recipe import Adam, Looks, Recipe
 
 Views = Literal["predicted", "known", "single", "direct"]
@@ -44,6 +44,7 @@ def shapes(
     views: Views = "predicted",
     size: int = 32,
     bins: int = 16,
+    bands: int = 1,
     looks_per_shape: int = 16,
     binary: bool = False,
     steps: int | None = None,
@@ -69,6 +70,7 @@ def shapes(
             discriminator head), or direct (no projection: train on the volumes themselves).
         size: voxels, and pixels, a side.
         bins: ways of looking: bins of azimuth.
+        bands: times this many bands of elevation, 15° each, centred on the horizon; 1: all at elevation 0.
         looks_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: cut rendered silhouettes at one half.
         steps: budget in steps; 4000 if neither steps nor minutes is given.
@@ -97,7 +99,7 @@ def shapes(
             bottleneck=256,
             volumetric=views == "direct",
         ),
-        looks=look_at(data, views, silhouette, bins, looks_per_shape, binary, seed),
+        looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
         assignment=Predicted(ViewPredictor, starts) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=4),
@@ -119,6 +121,7 @@ def shapes_paper(
     views: Views = "predicted",
     size: int = 64,
     bins: int = 16,
+    bands: int = 1,
     looks_per_shape: int = 16,
     binary: bool = False,
     steps: int | None = None,
@@ -139,6 +142,7 @@ def shapes_paper(
         views: predicted, known, single or direct, as in `shapes`.
         size: voxels, and pixels, a side.
         bins: ways of looking: bins of azimuth.
+        bands: times this many bands of elevation, 15° each, centred on the horizon; 1: all at elevation 0.
         looks_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: cut rendered silhouettes at one half.
         steps: budget in generator steps; 300000 (five rounds of 60000) if neither steps nor minutes is given.
@@ -166,7 +170,7 @@ def shapes_paper(
     return Recipe(
         generator=generator,
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
-        looks=look_at(data, views, silhouette, bins, looks_per_shape, binary, seed),
+        looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
         assignment=Predicted(
             partial(ViewPredictor, channels=32),
             (0.2, 0.4, 0.6, 0.8),
@@ -193,18 +197,21 @@ def shapes_paper(
     )
 
 
+def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:
+    """Bins of azimuth at elevation 0, or times bands of elevation."""
+    if bins < 1 or bands < 1:
+        raise UserError(f"bins={bins}, bands={bands}: give at least one of each")
+    return azimuth_bins(bins, silhouette) if bands == 1 else azimuth_elevation_bins(bins, bands, silhouette)
+
+
 def look_at(
-    data: Path | None,
-    views: Views,
-    silhouette: Silhouette,
-    bins: int,
-    looks_per_shape: int,
-    binary: bool,
-    seed: int,
+    data: Path | None, views: Views, ways: tuple[Observation, ...], looks_per_shape: int, binary: bool, seed: int
 ) -> Looks:
     """Pair observations with what `data` has to offer them; see the table at the top of the module."""
-    size = silhouette.size or 32
-    collection, ways = read_or_make(data, size), azimuth_bins(bins, silhouette)
+    silhouette = ways[0].projection
+    assert isinstance(silhouette, Silhouette) and silhouette.size is not None
+    size = silhouette.size
+    collection = read_or_make(data, size)
     volumetric = collection.items.shape[1:] == (size, size, size)
     if views == "direct":
         if not volumetric:
@@ -213,13 +220,13 @@ def look_at(
             )
         return [(Observation("volume", Identity(), Product()), collection)]
     if volumetric:
-        collection = render_silhouettes(
-            collection, ways, looks_per_shape, derived_seed(seed, 0, "silhouettes"), binary=binary
-        )
+        where = derived_seed(seed, 0, "silhouettes")
+        collection = render_silhouettes(collection, ways, looks_per_shape, where, binary=binary)
     if views == "single":
-        return [(observation, collection) for observation in continuous_views(silhouette)]
+        anywhere = Observation("anywhere", silhouette, Mixture([way.prior for way in ways]))
+        return [(anywhere, collection)]
     if views == "predicted":
-        return [(observation, collection) for observation in ways]
+        return [(way, collection) for way in ways]
     return by_known_view(collection, ways)
 
 

@@ -47,7 +47,9 @@ def evaluate(
         scores |= silhouette_scores(_seen(panel, generated, seed), reference.items, seed=seed)
     true = true_views(recipe, panel)
     if isinstance(recipe.assignment, Predicted) and true is not None:
-        found = view_accuracy(panel.ways, true, len(panel.observations))
+        bins = azimuth_count(panel)
+        per_bin = len(panel.observations) // bins
+        found = view_accuracy(panel.ways // per_bin, true // per_bin, bins)
         best = supervised_ceiling(panel, true, recipe.seed) if ceiling else None
         scores |= view_scores(found, best, seed)
     if not scores:
@@ -80,7 +82,7 @@ def supervised_ceiling(panel: Panel, true: Tensor, seed: int, steps: int = 600) 
     together, so hardly any shape is in both halves.
     """
     settings = Predicted(ViewPredictor, steps=steps)
-    ways = len(panel.observations)
+    ways, bins = len(panel.observations), azimuth_count(panel)
     half = len(true) // 2
     folds = (torch.arange(half), torch.arange(half, len(true)))
     predicted = torch.empty_like(true)
@@ -89,13 +91,20 @@ def supervised_ceiling(panel: Panel, true: Tensor, seed: int, steps: int = 600) 
             predictor = settings.predictor(panel.shape, ways)
         train_predictor(predictor, panel.items[train], true[train], settings, derived_seed(seed, fold, "ceiling"))
         predicted[test] = predict(predictor, panel.items[test]).argmax(1)
-    return view_accuracy(predicted, true, ways)
+    per_bin = ways // bins
+    return view_accuracy(predicted // per_bin, true // per_bin, bins)
+
+
+def azimuth_count(panel: Panel) -> int:
+    """How many azimuth bins the observations have; bands of elevation share them."""
+    azimuths = {getattr(o.prior, "factors", (o.prior,))[0] for o in panel.observations}
+    return len(azimuths)
 
 
 def _gauge_bins(recipe: Recipe, panel: Panel) -> int | None:
     """Turns are free unless the views are known; one look from all around leaves every turn free."""
     if isinstance(recipe.assignment, Predicted):
-        return len(panel.observations)
+        return azimuth_count(panel)
     return 16 if panel.items.dim() == 4 and len(panel.observations) == 1 and panel.items.shape[1] == 1 else None
 
 

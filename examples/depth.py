@@ -1,0 +1,35 @@
+"""A projection of your own: learn chairs from depth images taken from nobody knows where.
+
+unproject check examples/depth.py:depth
+unproject train examples/depth.py:scans --minutes 5 --out runs/scans
+"""
+
+import math
+from functools import partial
+
+import unproject as up
+from unproject.data import chairs, render_silhouettes
+from unproject.networks import LowRankGenerator
+
+
+class Depth(up.Projection):
+    """Front-most depth of a volume turned by `azimuth` (radians) about the up axis."""
+
+    def forward(self, x, *, azimuth):
+        return up.ops.expected_depth(up.ops.rotate_y(x, azimuth)) / 2 + 0.5
+
+
+depth = up.Observation("depth", Depth(), up.Uniform("azimuth", 0, 2 * math.pi))
+
+
+def scans(*, steps: int = 1000, minutes: float | None = None, seed: int = 0) -> up.Recipe:
+    """Chairs from depth images of unknown azimuth, one discriminator.
+
+    Args:
+        steps: budget in steps.
+        minutes: budget in minutes.
+        seed: of everything random.
+    """
+    images = render_silhouettes(chairs(500), [depth], per_shape=4)
+    generator = partial(LowRankGenerator, size=32)
+    return up.Recipe(generator, looks=[(depth, images)], steps=steps, minutes=minutes, seed=seed)
