@@ -23,8 +23,8 @@ def run(
 
     Args:
         path: the run directory.
-        steps: a new budget in steps; the run's own unless given.
-        minutes: a new budget in minutes, those already spent included.
+        steps: a new budget in steps in place of the run's own, those already done included.
+        minutes: a new budget in minutes in place of the run's own, those already spent included.
         device: where to compute.
         threads: processor threads; all cores unless given.
         trust: import the recipe's code although it is not of this package.
@@ -36,7 +36,15 @@ def run(
 
     use_threads(threads)
     stored = read_recipe(path)
-    changes: dict[str, Any] = {k: v for k, v in (("steps", steps), ("minutes", minutes)) if v is not None}
+    changes = _budget(stored["arguments"], steps, minutes)
     recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust, **changes)
     finished = resume(recipe, path, device=device, quiet=quiet)
     print(f"{path}: {finished.step} steps")
+
+
+def _budget(arguments: dict[str, Any], steps: int | None, minutes: float | None) -> dict[str, Any]:
+    """What changes for a new budget: the run's old one must not end it first."""
+    given = {"steps": steps, "minutes": minutes}
+    if steps is None and minutes is None:
+        return {}
+    return {name: value for name, value in given.items() if value is not None or name in arguments}

@@ -38,6 +38,9 @@ def origin(name: str, arguments: dict[str, Any]) -> Origin:
     """What recipe.json remembers of a call: paths become absolute, so that a run resumes from any folder."""
     from ..training.run_directory import Origin
 
+    source, colon, function = name.rpartition(":")
+    if source.endswith(".py"):
+        name = f"{Path(source).absolute()}{colon}{function}"
     source, _, function = name.rpartition(":")
     if source.endswith(".py"):
         name = f"{Path(source).absolute()}:{function}"
@@ -69,6 +72,6 @@ def rebuild(remembered: Origin, trust: bool = False, **changes: Any) -> Recipe:
 
 
 def _restored(value: Any) -> Any:
-    if isinstance(value, dict) and set(value) == {"path"}:
+    if isinstance(value, dict) and set(value) == {"path"} and isinstance(value["path"], str):
         return Path(value["path"])
     return tuple(value) if isinstance(value, list) else value

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
@@ -22,10 +24,16 @@ def save(folder: Path, step: int, tensors: dict[str, Tensor]) -> Path:
         try:
             save_file(tensors, temporary, metadata={"format": FORMAT})
         except SafetensorError as error:  # the library's name for a failed write
-            raise OSError(f"{path}: {error}") from error
+            raise _as_os_error(path, error) from error
     for old in list_checkpoints(folder)[:-KEEP]:
         old.unlink()
     return path
+
+
+def _as_os_error(path: Path, error: SafetensorError) -> OSError:
+    """The error that the system gave, whose number the library puts into its message."""
+    number = re.search(r"os error (\d+)", str(error))
+    return OSError(int(number[1]), os.strerror(int(number[1])), str(path)) if number else OSError(f"{path}: {error}")
 
 
 def list_checkpoints(folder: Path) -> list[Path]:
@@ -48,5 +56,5 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
             if (file.metadata() or {}).get("format") != FORMAT:
                 raise UserError(f"{path}: not a checkpoint of unproject ({FORMAT}); point to a run of this program")
             return {name: file.get_tensor(name) for name in file.keys() if name.startswith(prefix)}  # noqa: SIM118
-    except SafetensorError as error:
+    except (SafetensorError, OSError) as error:
         raise UserError(f"{path}: damaged ({error}); delete it, and the run resumes from the one before") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 
 from torch import Tensor
 
@@ -19,16 +20,20 @@ class Diverged(UserError):
     """Training cannot go on: a loss is not finite, or everything generated looks the same."""
 
 
-def check(step: int, losses: dict[str, float], real: Tensor, fake: Tensor, dull: int) -> int:
+def diversity(real: Tensor, fake: Tensor) -> float:
+    """The standard deviation over the batch, averaged over pixels, of generated as a share of real images."""
+    return float(fake.std(0).mean() / real.std(0).mean().clamp_min(1e-9))
+
+
+def check(step: int, losses: dict[str, float], ratio: float, dull: int) -> int:
     """Raise Diverged, or return how many looks in a row found the generated images all alike.
 
-    Diversity is the standard deviation over the batch, averaged over pixels; a batch is dull when it has less
-    than 2 % of the real one's. Five dull looks in a row, after the first 300 steps, are a collapse.
+    A batch is dull when its diversity, `ratio`, is less than 2 % of the real one's. Five dull looks in a row,
+    after the first 300 steps, are a collapse.
     """
     for name, value in losses.items():
         if not math.isfinite(value):
             raise Diverged(f"training broke down at step {step}: {name} is {value}; lower the learning rate")
-    ratio = float(fake.std(0).mean() / real.std(0).mean().clamp_min(1e-9))
     dull = dull + 1 if ratio < DULL and step > WARM_UP else 0
     if dull >= PATIENCE:
         raise Diverged(
@@ -36,3 +41,14 @@ def check(step: int, losses: dict[str, float], real: Tensor, fake: Tensor, dull:
             f"(diversity {ratio:.1%} of the real images'); lower the learning rate or raise the penalty"
         )
     return dull
+
+
+def check_finite(step: int, tensors: Mapping[str, Tensor], agree: Callable[[bool], bool]) -> None:
+    """Raise Diverged, in all processes that `agree`, if a number of the state is not finite.
+
+    Losses are looked at now and then only; what is kept to go back to must be good.
+    """
+    bad = next((name for name, v in tensors.items() if v.is_floating_point() and not v.isfinite().all()), "")
+    if agree(bool(bad)):
+        what = bad or "a weight"
+        raise Diverged(f"training broke down by step {step}: {what} is not finite; lower the learning rate")

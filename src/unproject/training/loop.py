@@ -20,7 +20,7 @@ from .._random import derived_seed, generator_at
 from ..adversarial.assignment import Predicted, choose_ways, k_means, predict, train_predictor
 from . import checkpoint, run_directory
 from .distribution import Distribution
-from .health import EVERY, Diverged, check
+from .health import EVERY, Diverged, check, check_finite, diversity
 from .panel import Panel, panel_rng
 from .pictures import save_samples
 from .recipe import Recipe
@@ -42,9 +42,12 @@ def train(
     """
     distribution = Distribution(device)
     out = Path(out)
+    run_directory.check_free(out)
+    state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
+    distribution.barrier()
     if distribution.leads:
         run_directory.create(out, recipe, origin)
-    return _run(recipe, out, State(recipe, distribution.device), distribution, quiet)
+    return _run(recipe, out, state, distribution, quiet)
 
 
 def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool = False) -> Run:
@@ -53,6 +56,8 @@ def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool
     out = Path(out)
     run_directory.check_same(out, recipe)
     state = State(recipe, distribution.device)
+    if distribution.leads:
+        run_directory.remove_temporaries(out)
     if checkpoint.list_checkpoints(out / "checkpoints"):
         state.load(checkpoint.load(checkpoint.newest(out / "checkpoints")))
     return _run(recipe, out, state, distribution, quiet)
@@ -60,16 +65,21 @@ def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool
 
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
     loop = Loop(recipe, out, state, distribution)
-    with Recorder(out, state.counters.step, quiet or not distribution.leads) as recorder, stop_request() as stop:
+    with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
         loop.recorder = recorder
-        while loop.progress() < 1 and not distribution.agree(stop()):
+        going = True
+        while going:
             try:
-                loop.advance()
+                going = loop.progress() < 1 and not distribution.agree(stop())
+                if going:
+                    loop.advance()
+                else:
+                    loop.save()
             except Diverged as trouble:
                 loop.go_back(trouble)
-        loop.save()
+                going = True
     distribution.close()
-    return run_directory.load(out, trust=True)
+    return Run(out, state.average, state.counters.step)
 
 
 class Loop:
@@ -104,7 +114,8 @@ class Loop:
         counters.seconds = time.monotonic() - self.began
         if counters.step % EVERY == 0:
             numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
-            counters.dull = check(counters.step, numbers, real, fake, counters.dull)
+            ratio = self.distribution.average(diversity(real, fake))
+            counters.dull = check(counters.step, numbers, ratio, counters.dull)
             self.recorder.write(counters.step, counters.seconds, **{k: round(v, 6) for k, v in numbers.items()})
             self.recorder.show(progress, f"step {counters.step}")
         if counters.step % self.recipe.checkpoint_every == 0:
@@ -219,16 +230,19 @@ class Loop:
             things = average(average.draw(PREDICTOR_CHUNK // LOOKS, rng).to(self.state.device))
             ways.append(torch.randint(len(panel.observations), (PREDICTOR_CHUNK,), generator=rng))
             seen.append(panel.look(things.repeat_interleave(LOOKS, 0), ways[-1], rng))
-        return torch.cat(seen), torch.cat(ways)
+        return torch.cat(seen)[:images], torch.cat(ways)[:images]
 
     def save(self) -> None:
-        """A checkpoint and a picture, unless this step has them."""
+        """A checkpoint and a picture, unless this step has them. Raises Diverged if anything is not finite."""
         counters = self.state.counters
         if self.saved == counters.step:
             return
         counters.seconds = time.monotonic() - self.began
+        counters.lines = self.recorder.lines
+        tensors = self.state.tensors()
+        check_finite(counters.step, tensors, self.distribution.agree)
         if self.distribution.leads:
-            checkpoint.save(self.out / "checkpoints", counters.step, self.state.tensors())
+            checkpoint.save(self.out / "checkpoints", counters.step, tensors)
             save_samples(self.state.average, self.out / "samples" / f"step-{counters.step:09d}.png")
         self.distribution.barrier()
         self.saved = counters.step

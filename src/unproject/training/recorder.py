@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,11 +17,20 @@ from .._files import atomic_path
 
 
 class Recorder:
-    """Appends to stats.jsonl and shows a bar. Lines of steps after the checkpoint a run resumes from are dropped."""
+    """Appends to stats.jsonl and shows a bar. Lines after the checkpoint that a run resumes from are dropped.
 
-    def __init__(self, path: Path, step: int, quiet: bool = False) -> None:
-        self.file = path / "stats.jsonl"
-        self._keep_until(step)
+    Args:
+        path: the run directory.
+        lines: how many lines of stats.jsonl the checkpoint knows of.
+        leads: whether this process writes and shows anything at all.
+        quiet: no bar.
+    """
+
+    def __init__(self, path: Path, lines: int = 0, leads: bool = True, quiet: bool = False) -> None:
+        self.file = path / "stats.jsonl" if leads else Path(os.devnull)
+        self.lines = lines
+        if leads:
+            self._keep(lines)
         self.stream = self.file.open("a", encoding="utf-8")
         self.bar = Progress(
             TextColumn("{task.description}"),
@@ -30,23 +40,16 @@ class Recorder:
             TextColumn("left"),
             TimeRemainingColumn(),
             TextColumn("{task.fields[note]}"),
-            console=Console(file=sys.stderr),
-            disable=quiet,
+            console=Console(file=sys.stderr, quiet=not leads),
+            disable=quiet or not leads,
         )
         self.task = self.bar.add_task("training", total=1.0, note="")
 
-    def _keep_until(self, step: int) -> None:
+    def _keep(self, lines: int) -> None:
+        """Steps would not tell which lines: a rescue goes back, and events share the step of a checkpoint."""
         if not self.file.exists():
             return
-        kept = []
-        for line in self.file.read_text(encoding="utf-8").splitlines(keepends=True):
-            try:
-                entry = json.loads(line)
-            except ValueError:
-                break  # a line cut short by a kill
-            if entry["step"] > step:
-                break
-            kept.append(line)
+        kept = self.file.read_text(encoding="utf-8").splitlines(keepends=True)[:lines]
         with atomic_path(self.file) as temporary:
             temporary.write_text("".join(kept), encoding="utf-8")
 
@@ -64,6 +67,7 @@ class Recorder:
         """One line of stats.jsonl."""
         self.stream.write(json.dumps({"step": step, "seconds": round(seconds, 3), **values}) + "\n")
         self.stream.flush()
+        self.lines += 1
 
     def show(self, progress: float, note: str) -> None:
         """Move the bar."""

@@ -16,7 +16,6 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from functools import partial
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from typing import Any
 import torch
 
 from .._files import atomic_path
+from .._objects import find_object
 from .._types import UserError
 from ..networks import Generator
 from . import checkpoint
@@ -42,14 +42,18 @@ class Origin:
     arguments: dict[str, Any]
 
 
-def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
-    """Lay out a new run directory. Raises UserError if there is a run already."""
+def check_free(path: Path) -> None:
+    """Raise UserError if a new run cannot be made at `path`, which holds one already or is a file."""
     if (path / "recipe.json").exists():
         raise UserError(
             f"{path}: holds a run already; `unproject resume {path}` goes on with it, or choose another --out"
         )
     if path.exists() and not path.is_dir():
         raise UserError(f"{path}: is a file; choose another --out")
+
+
+def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
+    """Lay out a new run directory."""
     for folder in ("checkpoints", "samples"):
         (path / folder).mkdir(parents=True, exist_ok=True)
     origin = origin or Origin("", {})
@@ -58,6 +62,12 @@ def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
         path / "recipe.json",
         {"recipe": origin.recipe, "arguments": origin.arguments, "resolved": describe(recipe)},
     )
+
+
+def remove_temporaries(path: Path) -> None:
+    """Remove what a killed process was writing: each may be as large as a checkpoint."""
+    for temporary in path.rglob(".*.tmp.*"):
+        temporary.unlink(missing_ok=True)
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -72,7 +82,10 @@ def read_recipe(path: Path) -> dict[str, Any]:
         raise UserError(f"{path}: not a run directory (no recipe.json); give the folder that `--out` named")
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-        return {"recipe": content["recipe"], "arguments": content["arguments"], "resolved": content["resolved"]}
+        for name, kind in (("recipe", str), ("arguments", dict), ("resolved", dict)):
+            if not isinstance(content[name], kind):
+                raise TypeError(f"its {name!r} is no {kind.__name__}")
+        return {name: content[name] for name in ("recipe", "arguments", "resolved")}
     except (ValueError, KeyError, TypeError) as error:
         raise UserError(f"{file}: damaged ({error}); restore it from a copy, or train again") from error
 
@@ -139,10 +152,15 @@ def load(path: str | Path, trust: bool = False) -> Run:
 
     The generator's class is named in recipe.json. Classes of this package are built at once; a class from
     elsewhere would run its module's code, so it is imported only with `trust=True`.
+
+    Raises:
+        UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
     """
     path = Path(path)
-    described = read_recipe(path)["resolved"]["generator"]
-    generator = _build_generator(path, described, trust)
+    stored = read_recipe(path)
+    if trust and ":" in stored["recipe"]:
+        find_object(stored["recipe"])  # its file is no module that could be imported by name
+    generator = _build_generator(path, stored["resolved"].get("generator"), trust)
     newest = checkpoint.newest(path / "checkpoints")
     tensors = checkpoint.load(newest, "average/")
     try:
@@ -152,8 +170,11 @@ def load(path: str | Path, trust: bool = False) -> Run:
     return Run(path, generator.eval(), int(newest.stem.removeprefix("step-")))
 
 
-def _build_generator(path: Path, described: dict[str, Any], trust: bool) -> Generator:
-    where = str(described.get("call", ""))
+def _build_generator(path: Path, described: Any, trust: bool) -> Generator:
+    try:
+        where, positional, arguments = str(described["call"]), described["positional"], described["arguments"]
+    except (TypeError, KeyError) as error:
+        raise UserError(f"{path}: recipe.json does not say how to build the generator; restore the file") from error
     module, _, name = where.partition(":")
     if not trust and module.partition(".")[0] != "unproject":
         raise UserError(f"{path}: its generator is {where}, code outside unproject; add --trust if you wrote it")
@@ -161,8 +182,10 @@ def _build_generator(path: Path, described: dict[str, Any], trust: bool) -> Gene
         build: Any = import_module(module)
         for part in name.split("."):
             build = getattr(build, part)
-        if not trust and not (isinstance(build, type) and issubclass(build, Generator)):
-            raise UserError(f"{path}: recipe.json names {where}, which is no generator; restore the file")
-        return partial(build, *described["positional"], **described["arguments"])()
-    except (ImportError, AttributeError, TypeError, KeyError) as error:
-        raise UserError(f"{path}: recipe.json names a generator that cannot be built ({error})") from error
+        if trust or (isinstance(build, type) and issubclass(build, Generator)):
+            return build(*positional, **arguments)
+    except Exception as error:  # a network refuses wrong arguments with whatever kind of error it runs into
+        raise UserError(
+            f"{path}: the generator of recipe.json cannot be built ({type(error).__name__}: {error}); restore the file"
+        ) from error
+    raise UserError(f"{path}: recipe.json names {where}, which is no generator; restore the file")

@@ -20,12 +20,16 @@ from .recipe import Adam, Recipe
 
 @dataclass
 class Counters:
-    """The numbers of a state. `round` is the rounds of assignment done, `rescues` the returns to a checkpoint."""
+    """The numbers of a state.
+
+    `round` is the rounds of assignment done, `rescues` the returns to a checkpoint, `lines` those of stats.jsonl.
+    """
 
     step: int = 0
     round: int = 0
     rescues: int = 0
     dull: int = 0
+    lines: int = 0
     seconds: float = 0.0
     rate_scale: float = 1.0
 
@@ -91,6 +95,12 @@ class State:
 
     def load(self, tensors: dict[str, Tensor]) -> None:
         """Take over stored tensors. Raises UserError if they are not those of this recipe."""
+        try:
+            self._load(tensors)
+        except KeyError as error:
+            raise UserError(f"the checkpoint has no {error}; resume with the version that wrote it") from error
+
+    def _load(self, tensors: dict[str, Tensor]) -> None:
         for prefix, module in self.modules():
             own = _strip(tensors, prefix)
             wanted = {k: v.shape for k, v in module.state_dict().items()}
