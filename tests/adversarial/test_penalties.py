@@ -1,0 +1,91 @@
+"""Penalties against closed forms: a linear judge D(y) = ⟨w, y⟩ has the slope w, a quadratic one ½‖y‖² the slope y."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty, squared_slopes
+
+SHAPE = (1, 2, 3)
+
+
+def rng(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def weights() -> Tensor:
+    return torch.randn(SHAPE, dtype=torch.float64, generator=rng(1)).requires_grad_()
+
+
+def images(seed: int, n: int = 5) -> Tensor:
+    return torch.rand(n, *SHAPE, dtype=torch.float64, generator=rng(seed))
+
+
+def penalise(penalty: Penalty, w: Tensor) -> Tensor:
+    return penalty(lambda y: (y * w).flatten(1).sum(1), images(2), images(3), rng())
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_r1_r2_of_a_linear_judge(every: int) -> None:
+    w = weights()
+    value = penalise(R1R2(gamma=3.0, every=every), w)
+    assert value.item() == pytest.approx(3 / 2 * every * 2 * w.square().sum().item())
+    value.backward()
+    torch.testing.assert_close(w.grad, 3 * every * 2 * w.detach())
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_the_gradient_penalty_of_a_linear_judge(every: int) -> None:
+    w = weights()
+    value, norm = penalise(GradientPenalty(10.0, every), w), w.detach().norm()
+    assert value.item() == pytest.approx(10 * every * (norm - 1).square().item())
+    value.backward()
+    torch.testing.assert_close(w.grad, 10 * every * 2 * (norm - 1) * w.detach() / norm)
+
+
+def test_a_judge_of_slope_one_is_not_penalised() -> None:
+    w = weights().detach()
+    assert penalise(GradientPenalty(), w / w.norm()).item() == pytest.approx(0, abs=1e-12)
+    assert penalise(R1R2(), w / w.norm()).item() == pytest.approx(4)
+
+
+def test_slopes_are_those_of_each_image() -> None:
+    y = images(2)
+    torch.testing.assert_close(squared_slopes(lambda x: x.square().flatten(1).sum(1) / 2, y), y.square().sum((1, 2, 3)))
+
+
+def test_r1_is_of_real_images_and_r2_of_generated_ones() -> None:
+    value = R1R2(1.0, 1)(lambda y: y.square().flatten(1).sum(1) / 2, images(2), 2 + images(3), rng())
+    expected = (images(2).square().sum() + (2 + images(3)).square().sum()) / 5 / 2
+    torch.testing.assert_close(value, expected)
+
+
+def judged(seed: int) -> Tensor:
+    """Where on the way from generated (0) to real (1) the gradient penalty looks."""
+    seen = []
+
+    def judge(y: Tensor) -> Tensor:
+        seen.append(y.detach())
+        return y.flatten(1).sum(1)
+
+    real = torch.ones(400, *SHAPE, dtype=torch.float64)
+    GradientPenalty()(judge, real, torch.zeros_like(real), rng(seed))
+    return seen[0]
+
+
+def test_the_gradient_penalty_looks_between_real_and_generated() -> None:
+    points = judged(0)
+    per_image = points.flatten(1)
+    assert (per_image == per_image[:, :1]).all(), "one place an image"
+    assert 0 <= per_image.min() < 0.02 and 0.98 < per_image.max() <= 1
+    assert per_image[:, 0].mean().item() == pytest.approx(0.5, abs=0.05)
+    assert torch.equal(points, judged(0)) and not torch.equal(points, judged(1))
+
+
+@pytest.mark.parametrize("penalty", [R1R2(), GradientPenalty()], ids=lambda p: type(p).__name__)
+def test_a_penalty_teaches_the_discriminator_alone(penalty: Penalty) -> None:
+    w, real = weights(), images(2).requires_grad_()
+    penalty(lambda y: (y * w).square().flatten(1).sum(1), real, images(3), rng()).backward()
+    assert w.grad is not None and real.grad is None

@@ -1,0 +1,234 @@
+"""Generators: the seed's structure level by level, the low-rank formula, and samples that depend on (seed, i) alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from unproject._random import generator_at, seeded
+from unproject._types import UserError
+from unproject.networks import Generator, LowRankGenerator, VoxelGenerator
+from unproject.testing import check_generator, run_laws
+
+SMALL: dict[str, Callable[[], Generator]] = {
+    "transposed": lambda: VoxelGenerator(16, 6, 16),
+    "nearest": lambda: VoxelGenerator(16, 6, 16, upsampling="nearest"),
+    "mirror": lambda: VoxelGenerator(16, 6, 16, mirror=True),
+    "truncated": lambda: VoxelGenerator(16, 6, 16, truncation=0.75),
+    "low-rank": lambda: LowRankGenerator(16, 6, 16, rank=3),
+    "low-rank-mirror": lambda: LowRankGenerator(16, 6, 16, rank=3, mirror=True),
+}
+
+
+def build(make: Callable[[], Generator]) -> Generator:
+    with seeded(0, "test"):
+        return make()
+
+
+def codes(generator: Generator, n: int = 3) -> Tensor:
+    return generator.draw(n, generator_at(0, 0, "test"))
+
+
+# The laws
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_generators_obey_the_laws(name: str) -> None:
+    check_generator(build(SMALL[name]))
+
+
+def test_statistics_of_the_batch_break_one_law_only() -> None:
+    generator = build(lambda: VoxelGenerator(16, 6, 16, batch_statistics=True))
+    assert [law.name for law in run_laws(generator) if not law.passed] == ["alone"]
+
+
+# Sampling
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_a_sample_depends_on_neither_n_nor_batch(name: str) -> None:
+    generator = build(SMALL[name])
+    samples = generator.sample(5, seed=3, batch=4)
+    assert torch.equal(samples[:2], generator.sample(2, seed=3, batch=4))
+    torch.testing.assert_close(samples[:3], generator.sample(3, seed=3, batch=2))
+    assert not torch.equal(samples[0], samples[1])
+
+
+def test_with_statistics_of_the_batch_a_sample_depends_on_the_batch_but_not_on_n() -> None:
+    generator = build(lambda: VoxelGenerator(16, 6, 16, batch_statistics=True))
+    samples = generator.sample(5, seed=3, batch=4)
+    assert torch.equal(samples[:2], generator.sample(2, seed=3, batch=4))
+    assert torch.equal(samples, generator.sample(5, seed=3, batch=4))
+    assert (samples[:2] - generator.sample(2, seed=3, batch=2)).abs().max() > 1e-3
+
+
+def test_no_samples_are_an_empty_batch() -> None:
+    assert build(SMALL["low-rank"]).sample(0).shape == (0, 16, 16, 16)
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_sampling_leaves_the_mode_and_the_statistics(training: bool) -> None:
+    generator = build(SMALL["transposed"]).train(training)
+    before = {name: value.clone() for name, value in generator.state_dict().items()}
+    generator.sample(2)
+    assert generator.training is training
+    assert all(torch.equal(value, before[name]) for name, value in generator.state_dict().items())
+
+
+class Failing(Generator):
+    def __init__(self) -> None:
+        super().__init__(code_size=4)
+        self.weight = nn.Parameter(torch.ones(()))
+
+    def forward(self, code: Tensor) -> Tensor:
+        assert not self.training
+        raise RuntimeError("out of memory")
+
+
+def test_the_mode_is_restored_after_a_failure() -> None:
+    generator = Failing().train()
+    with pytest.raises(RuntimeError, match="out of memory"):
+        generator.sample(1)
+    assert generator.training
+
+
+class Codes(Failing):
+    """Shows its codes."""
+
+    def forward(self, code: Tensor) -> Tensor:
+        return code
+
+
+def test_codes_are_normal() -> None:
+    drawn = Codes().sample(2000)
+    assert abs(drawn.mean()) < 0.05 and abs(drawn.var() - 1) < 0.05
+
+
+def test_truncated_codes_are_a_truncated_normal() -> None:
+    generator, a = Codes(), 0.75
+    generator.truncation = a
+    drawn = generator.sample(2000)
+    mass = math.erf(a / math.sqrt(2))
+    variance = 1 - 2 * a * math.exp(-(a**2) / 2) / math.sqrt(2 * math.pi) / mass
+    assert drawn.abs().max() <= a * (1 + 1e-6)
+    assert drawn.var().item() == pytest.approx(variance, rel=0.05)
+    assert generator.draw(100, generator_at(0)).abs().max() > a, "training does not truncate"
+
+
+# The seed's generator
+
+
+def level_shapes(generator: VoxelGenerator) -> list[tuple[int, ...]]:
+    """(channels, side, side, side) after every ReLU, then after the last convolution."""
+    shapes: list[tuple[int, ...]] = []
+    for module in generator.levels:
+        if isinstance(module, (nn.ReLU, nn.Conv3d)):
+            module.register_forward_hook(lambda m, x, y: shapes.append(tuple(y.shape[1:])))
+    generator(torch.empty(2, generator.code_size, device="meta"))
+    return shapes
+
+
+@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
+def test_the_seeds_structure(upsampling: str) -> None:
+    with torch.device("meta"):
+        generator = VoxelGenerator(64, upsampling=upsampling)
+    cubes = [(512, 4), (256, 8), (128, 16), (64, 32), (32, 64), (1, 64)]
+    assert level_shapes(generator) == [(channels, side, side, side) for channels, side in cubes]
+
+
+@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
+def test_batch_norm_and_relu_follow_every_convolution_but_the_last(upsampling: str) -> None:
+    layers = list(VoxelGenerator(32, 4, 8, upsampling=upsampling).levels)
+    doubling = nn.ConvTranspose3d if upsampling == "transposed" else nn.Sequential
+    expected = [nn.BatchNorm3d, nn.ReLU, *[doubling, nn.BatchNorm3d, nn.ReLU] * 3, nn.Conv3d]
+    assert [type(layer) for layer in layers] == expected
+
+
+def test_an_unknown_upsampling_is_refused() -> None:
+    with pytest.raises(UserError, match="'bicubic': choose 'transposed' or 'nearest'"):
+        VoxelGenerator(16, upsampling="bicubic")
+
+
+@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
+def test_32_voxels_in_the_range(upsampling: str) -> None:
+    generator = build(lambda: VoxelGenerator(32, 6, 16, upsampling=upsampling)).eval()
+    list(generator.levels.parameters())[-2].data *= 1000
+    x = generator(codes(generator))
+    assert x.shape == (3, 32, 32, 32)
+    assert 0 <= x.min() < 0.01 and 0.99 < x.max() <= 1
+
+
+@pytest.mark.parametrize("name", ["mirror", "low-rank-mirror"])
+def test_mirrored_volumes_are_exactly_symmetric(name: str) -> None:
+    x = build(SMALL[name]).sample(3)
+    assert torch.equal(x, x.flip(1))
+    assert not torch.equal(x, x.flip(2)) and not torch.equal(x, x.flip(3))
+
+
+@pytest.mark.parametrize("name", ["transposed", "low-rank"])
+def test_others_are_not_symmetric(name: str) -> None:
+    x = build(SMALL[name]).sample(3)
+    assert not torch.allclose(x, x.flip(1), atol=1e-5)
+
+
+def test_the_mirror_keeps_the_left_half() -> None:
+    plain = build(lambda: VoxelGenerator(16, 6, 16))
+    mirrored = build(lambda: VoxelGenerator(16, 6, 16, mirror=True))
+    assert torch.equal(plain.sample(2)[:, :8], mirrored.sample(2)[:, :8])
+
+
+# The low-rank generator
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_the_low_rank_formula(mirror: bool) -> None:
+    rank = 3
+    generator = build(lambda: LowRankGenerator(8, 4, 8, rank, mirror, bias=-2.5)).double().eval()
+    code = codes(generator, 2).double()
+    hidden = generator.mapping(code)
+    xz, zy, xy = (plane(hidden) for plane in generator.planes)
+    line_y, line_x, line_z = (line(hidden) for line in generator.lines)
+    total = torch.zeros(2, 8, 8, 8, dtype=torch.float64)
+    for r in range(rank):
+        total += torch.einsum("bxz,by->bxyz", xz[:, r], line_y[:, r])
+        total += torch.einsum("bzy,bx->bxyz", zy[:, r], line_x[:, r])
+        total += torch.einsum("bxy,bz->bxyz", xy[:, r], line_z[:, r])
+    total = (total + total.flip(1)) / 2 if mirror else total
+    torch.testing.assert_close(generator(code), torch.sigmoid(-2.5 + total / math.sqrt(rank)))
+
+
+@pytest.mark.parametrize("size", [32, 64, 128])
+def test_sizes_of_the_low_rank_generator(size: int) -> None:
+    generator = build(lambda: LowRankGenerator(size, 4, 16, rank=4))
+    with torch.no_grad():
+        x = generator.eval()(codes(generator, 1))
+    assert x.shape == (1, size, size, size) and x.isfinite().all()
+
+
+def test_training_starts_from_nearly_transparent_volumes() -> None:
+    start = build(lambda: LowRankGenerator(32, channels=32))
+    unbiased = build(lambda: LowRankGenerator(32, channels=32, bias=0))
+    with torch.no_grad():
+        assert start(codes(start, 8)).mean() < 0.03
+        assert unbiased(codes(unbiased, 8)).mean() > 0.3
+
+
+def factor_elements(size: int, rank: int) -> int:
+    """How many numbers the planes and lines of one volume hold."""
+    with torch.device("meta"):
+        generator = LowRankGenerator(size, rank=rank).eval()
+    counts: list[int] = []
+    for module in (*generator.planes, *generator.lines):
+        module.register_forward_hook(lambda m, x, y: counts.append(y.numel()))
+    assert generator(torch.empty(1, 128, device="meta")).numel() == size**3
+    return sum(counts)
+
+
+def test_the_factors_grow_with_the_square_and_the_volume_with_the_cube() -> None:
+    assert factor_elements(64, 32) == 3 * 32 * (64**2 + 64)
+    assert factor_elements(128, 32) / 128**3 < 0.8
+    assert factor_elements(256, 32) / factor_elements(128, 32) == pytest.approx(4, rel=0.01)
