@@ -19,12 +19,15 @@ class Generator(nn.Module, ABC):
     Args:
         code_size: L, the length of a code.
         truncation: codes are drawn with |z| ≤ truncation (a truncated normal) when sampling; None: not at all.
+        hull: sampled volumes are filled where no level view could tell (`ops.visual_hull`): level silhouettes
+            bind a volume from outside only, and what they leave open is better solid than hollow.
     """
 
-    def __init__(self, code_size: int, truncation: float | None = None) -> None:
+    def __init__(self, code_size: int, truncation: float | None = None, hull: bool = False) -> None:
         super().__init__()
         self.code_size = code_size
         self.truncation = truncation
+        self.hull = hull
 
     @abstractmethod
     def forward(self, code: Tensor) -> Tensor:
@@ -146,8 +149,9 @@ class LowRankGenerator(Generator):
         mirror: bool = False,
         bias: float = -5.0,
         truncation: float | None = None,
+        hull: bool = False,
     ) -> None:
-        super().__init__(code_size, truncation)
+        super().__init__(code_size, truncation, hull)
         hidden = 256
         self.mirror, self.scale = mirror, rank**-0.5
         self.mapping = nn.Sequential(

@@ -26,6 +26,7 @@ from .._types import UserError
 from ..adversarial.assignment import Known, Predicted
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
+from ..adversarial.regularisers import Solid
 from ..data import Collection, chairs, read, render_silhouettes
 from ..networks import Discriminator, LowRankGenerator, ViewPredictor, VoxelGenerator
 from ..projections.base import Identity
@@ -54,8 +55,9 @@ def shapes(
     channels: int = 128,
     rank: int = 32,
     density: float = 2.0,
-    rate: float = 5e-4,
+    rate: float = 2e-3,
     gamma: float = 1.0,
+    solid: float = 0.1,
     starts: tuple[float, ...] = (0.2, 0.35, 0.5, 0.65, 0.8),
     mirror: bool = False,
     precision: Literal["float32", "bfloat16"] = "float32",
@@ -82,6 +84,7 @@ def shapes(
         density: what one full voxel stops is 1 - exp(-density).
         rate: learning rate.
         gamma: weight of R1 and R2.
+        solid: weight of the preference for full volumes.
         starts: parts of the budget at which views are predicted anew.
         mirror: make only shapes that are symmetric left to right.
         precision: of the networks.
@@ -91,7 +94,9 @@ def shapes(
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     adam = Adam(rate, beta1=0.0, beta2=0.95)
     return Recipe(
-        generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror),
+        generator=partial(
+            LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=views != "direct"
+        ),
         discriminator=partial(
             Discriminator,
             channels=16 if views == "direct" else 32,
@@ -103,6 +108,7 @@ def shapes(
         assignment=Predicted(ViewPredictor, starts) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=4),
+        regulariser=Solid(solid) if solid and views != "direct" else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=batch,

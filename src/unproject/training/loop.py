@@ -132,7 +132,7 @@ class Loop:
                 x = self._generate(draw)
             batches = [self._batch(panel, x, draw, index, last) for index, panel in enumerate(state.panels)]
             losses |= self._update_discriminators(batches, draw)
-        losses["loss_g"] = self._update_generator(batches)
+        losses["loss_g"] = self._update_generator(x, batches)
         return losses, batches[0].real, batches[0].fake.detach()
 
     def _generate(self, draw: int) -> Tensor:
@@ -166,7 +166,7 @@ class Loop:
         self._apply(state.discriminators, state.discriminator_optimiser, total + smooth)
         return {"loss_d": total.detach()} | ({"penalty": smooth.detach()} if penalise else {})
 
-    def _update_generator(self, batches: list[Batch]) -> Tensor:
+    def _update_generator(self, x: Tensor, batches: list[Batch]) -> Tensor:
         # The discriminators' own gradients are not wanted here; skipping them saves a third of the pass.
         self.state.discriminators.requires_grad_(False)
         total = torch.zeros((), device=self.state.device)
@@ -174,7 +174,8 @@ class Loop:
             with self._autocast():
                 fake = batch.judge(batch.fake)
             total = total + self.recipe.loss.generator(batch.real_logits, fake.float())
-        self._apply(self.state.generator, self.state.generator_optimiser, total)
+        extra = self.recipe.regulariser(x) if self.recipe.regulariser else 0.0
+        self._apply(self.state.generator, self.state.generator_optimiser, total + extra)
         return total.detach()
 
     def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:

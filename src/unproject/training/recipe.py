@@ -47,6 +47,7 @@ class Recipe:
         looks: pairs of an observation and the collection of what it saw. With `Predicted`, every observation
             stands beside the same collection. An observation with the `Identity` projection is direct training.
         discriminator: (shape of one image, number of heads) → discriminator.
+        regulariser: a term of the generator's loss, a function of x itself.
         discriminator_steps: discriminator updates a generator update.
         half_life: of the averaged weights, in steps.
         steps, minutes: the budget; the run ends when either is spent. Give at least one.
@@ -63,6 +64,7 @@ class Recipe:
     penalty: Penalty | None = field(default_factory=R1R2)
     generator_optimiser: Adam = field(default_factory=Adam)
     discriminator_optimiser: Adam = field(default_factory=Adam)
+    regulariser: Callable[[Tensor], Tensor] | None = None
     discriminator_steps: int = 1
     batch: int = 64
     half_life: float = 300.0
