@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 import torch
@@ -31,7 +32,7 @@ def test_values_by_hand(loss: Loss, discriminator: float, generator: float) -> N
     assert loss.generator(REAL, FAKE).item() == pytest.approx(generator)
 
 
-def slope(f, at: Tensor) -> float:  # noqa: ANN001
+def slope(f: Callable[[Tensor], Tensor], at: Tensor) -> float:
     """The numeric derivative of f when all logits rise together."""
     h = 1e-3
     return ((f(at + h) - f(at - h)) / (2 * h)).item()
