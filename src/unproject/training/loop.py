@@ -89,9 +89,13 @@ class Loop:
 
     def __init__(self, recipe: Recipe, out: Path, state: State, distribution: Distribution) -> None:
         self.recipe, self.out, self.state, self.distribution = recipe, out, state, distribution
-        self.forward = torch.compile(state.generator) if recipe.compile else None
+        self.forward = self._compiled()
         self.began = time.monotonic() - state.counters.seconds
         self.saved = state.counters.step if state.counters.step else -1
+
+    def _compiled(self) -> Callable[[Tensor], Tensor]:
+        generator = self.state.generator
+        return torch.compile(generator) if self.recipe.compile else generator
 
     def progress(self) -> float:
         """The part of the budget spent; by the leading process's clock, so that all processes agree."""
@@ -139,7 +143,7 @@ class Loop:
         rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")
         code = self.state.generator.draw(self.recipe.batch, rng).to(self.state.device)
         with self._autocast():
-            return (self.forward or self.state.generator)(code).float()
+            return self.forward(code).float()
 
     def _batch(self, panel: Panel, x: Tensor, draw: int, index: int, differentiable: bool) -> Batch:
         recipe, ranks = self.recipe, self.distribution
@@ -213,7 +217,7 @@ class Loop:
         self.distribution.copy_from_leader([panel.ways, panel.heads])
         if settings.restart and state.counters.round == 0:
             state.restart(recipe)
-            self.forward = torch.compile(state.generator) if recipe.compile else None
+            self.forward = self._compiled()
         state.counters.round = due
         state.counters.seconds = time.monotonic() - self.began
         counts = torch.bincount(panel.ways, minlength=ways).tolist()

@@ -1,0 +1,179 @@
+"""The loop: a step is a function of (seed, step), and every configuration goes through the same one."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from comparing import differences, final, stats
+from toy import BINS, CHAIRS, SIZE, toy
+
+from unproject._types import UserError
+from unproject.adversarial.assignment import Predicted
+from unproject.recipes import shapes as shapes_module
+from unproject.recipes.shapes import shapes, shapes_paper
+from unproject.training import Adam, Recipe, load, loop, train
+from unproject.training.distribution import Distribution
+from unproject.training.loop import Loop
+from unproject.training.recorder import Recorder
+from unproject.training.state import State
+
+VIEWS = ("predicted", "known", "single", "direct")
+
+
+def trained(path: Path, **settings: Any) -> Path:
+    return train(toy(**{"steps": 4, **settings}), path, quiet=True).path
+
+
+def test_the_same_seed_gives_the_same_run_and_another_seed_another(tmp_path: Path) -> None:
+    a, b, c = (trained(tmp_path / name, seed=seed) for name, seed in (("a", 3), ("b", 3), ("c", 4)))
+    assert differences(a, b) == []
+    assert "stats.jsonl" in differences(a, c) and "generator/bias" in differences(a, c)
+
+
+def test_torchs_own_randomness_plays_no_part(tmp_path: Path) -> None:
+    """A step that drew from the global generator would differ here, and would move that generator on."""
+    torch.manual_seed(1)
+    before = torch.get_rng_state()
+    a = trained(tmp_path / "a")
+    assert torch.equal(before, torch.get_rng_state())
+    torch.manual_seed(2)
+    assert differences(a, trained(tmp_path / "b")) == []
+
+
+@pytest.mark.parametrize("views", VIEWS)
+def test_every_configuration_trains(tmp_path: Path, views: str) -> None:
+    run = trained(tmp_path, views=views)
+    lines = [line for line in stats(run) if "loss_d" in line]
+    assert [line["step"] for line in lines] == [2, 4]
+    rounds = [line["round"] for line in stats(run) if line.get("event") == "assigned"]
+    assert rounds == ([1, 2, 3] if views == "predicted" else [])
+    opened = load(run)
+    assert opened.step == 4 and opened.generator.sample(3).shape == (3, SIZE, SIZE, SIZE)
+    assert (run / "samples" / "step-000000004.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize("settings", [{"loss": "wasserstein"}, {"loss": "hinge", "discriminator_steps": 2}])
+def test_every_loss_trains(tmp_path: Path, settings: dict[str, Any]) -> None:
+    penalties = [line.get("penalty") for line in stats(trained(tmp_path, views="known", **settings))]
+    assert all(p is not None for p in penalties) == (settings["loss"] == "wasserstein")
+
+
+@pytest.mark.parametrize("views", VIEWS)
+@pytest.mark.parametrize("make", [shapes, shapes_paper])
+def test_the_recipes_of_the_package_train(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Recipe], views: str
+) -> None:
+    monkeypatch.setattr(shapes_module, "EMBEDDED_CHAIRS", 8)
+    recipe = make(views=views, size=16, bins=2, looks_per_shape=2, channels=8, batch=2, steps=2)
+    assert isinstance(recipe.discriminator, partial)
+    recipe = recipe.replace(discriminator=partial(recipe.discriminator, channels=4))
+    if views == "predicted":
+        assert isinstance(recipe.assignment, Predicted)
+        small = {"images": 32, "steps": 1, "starts": (0.5,), "batch": 8}
+        whole = {f.name: getattr(recipe.assignment, f.name) for f in fields(recipe.assignment)}
+        recipe = recipe.replace(assignment=Predicted(**{**whole, **small}))
+    assert train(recipe, tmp_path, quiet=True).step == 2
+
+
+def test_clusters_are_heads(tmp_path: Path) -> None:
+    tensors = final(trained(tmp_path, clusters=3))
+    assert tensors["discriminators/0.last.weight"].shape[0] == 3
+    assert set(tensors["panels/0/heads"].tolist()) <= {0, 1, 2}
+    assert set(tensors["panels/0/ways"].tolist()) <= set(range(BINS))
+
+
+def test_round_0_has_random_ways_and_one_head(tmp_path: Path) -> None:
+    tensors = final(trained(tmp_path, starts=(0.99,)))
+    assert tensors["panels/0/heads"].unique().tolist() == [0]
+    assert tensors["panels/0/ways"].unique().tolist() == list(range(BINS))
+
+
+def test_assigning_gives_every_image_the_head_of_its_way(tmp_path: Path) -> None:
+    tensors = final(trained(tmp_path, draw="posterior"))
+    assert torch.equal(tensors["panels/0/ways"], tensors["panels/0/heads"])
+    assert len(tensors["panels/0/ways"]) == 2 * CHAIRS
+
+
+def test_restart_begins_round_1_with_fresh_networks_and_keeps_the_assignment(tmp_path: Path) -> None:
+    recipe = toy(steps=4, starts=(0.25, 0.5), restart=True)
+    state = State(recipe, torch.device("cpu"))
+    running = Loop(recipe, tmp_path, state, Distribution("cpu"))
+    with Recorder(tmp_path, quiet=True) as running.recorder:
+        running.advance()
+        before, optimiser = {k: v.clone() for k, v in state.generator.state_dict().items()}, state.generator_optimiser
+        assert isinstance(recipe.assignment, Predicted)
+        running.assign(recipe.assignment, 1)
+        fresh = State(recipe.replace(seed=recipe.seed + 1), torch.device("cpu"))
+        after = state.generator.state_dict()
+        assert all(torch.equal(after[k], v) for k, v in fresh.generator.state_dict().items())
+        assert not torch.equal(after["mapping.0.weight"], before["mapping.0.weight"])
+        assert state.generator_optimiser is not optimiser and not state.generator_optimiser.state
+        assert torch.equal(state.panels[0].heads, state.panels[0].ways)
+        running.assign(recipe.assignment, 2)
+        assert torch.equal(state.generator.state_dict()["mapping.0.weight"], after["mapping.0.weight"])
+
+
+def test_a_restarted_run_can_be_loaded_and_resumed(tmp_path: Path) -> None:
+    run = trained(tmp_path / "a", restart=True)
+    shutil.copytree(run, tmp_path / "b")
+    recipe = toy(steps=6, restart=True)
+    loop.resume(recipe, run, quiet=True)
+    loop.resume(recipe, tmp_path / "b", quiet=True)
+    assert differences(run, tmp_path / "b") == [] and load(run).step == 6
+
+
+def test_bfloat16_trains_and_keeps_its_weights_in_float32(tmp_path: Path) -> None:
+    run = trained(tmp_path, precision="bfloat16", steps=2)
+    weights = [v for k, v in final(run).items() if k.startswith("generator/") and v.is_floating_point()]
+    assert all(v.dtype == torch.float32 and v.isfinite().all() for v in weights)
+    assert "generator/bias" in differences(run, trained(tmp_path / "b", steps=2))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="no C++ compiler")
+def test_compiled_training_agrees_with_plain_training(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"views": "known", "steps": 2}
+    torch._dynamo.reset()
+    compiled, plain = trained(tmp_path / "a", compile=True, **settings), trained(tmp_path / "b", **settings)
+    assert stats(compiled)[0] == pytest.approx(stats(plain)[0], abs=1e-4)
+
+
+def test_the_budget_is_what_ends_it(tmp_path: Path) -> None:
+    assert toy(steps=10, minutes=1.0).progress(5, 0.0) == 0.5
+    assert toy(steps=10, minutes=1.0).progress(0, 45.0) == 0.75
+    assert trained(tmp_path, steps=3).name and load(tmp_path).step == 3
+
+
+def test_the_rate_falls_along_a_cosine() -> None:
+    adam = Adam(1.0, final=0.0)
+    assert [round(adam.rate_at(p), 6) for p in (0.0, 0.5, 1.0, 2.0)] == [1.0, 0.5, 0.0, 0.0]
+    assert Adam(0.3).rate_at(0.7) == 0.3
+
+
+def test_a_second_run_is_not_written_over_the_first(tmp_path: Path) -> None:
+    before = final(trained(tmp_path))
+    with pytest.raises(UserError, match="holds a run already.*unproject resume"):
+        trained(tmp_path, seed=1)
+    after = final(tmp_path)
+    assert all(torch.equal(before[k], after[k]) for k in before)
+
+
+def test_a_generator_without_a_name_can_be_trained(tmp_path: Path) -> None:
+    """From Python anything that builds a generator will do; only `load` needs to find it by name."""
+    recipe = toy(steps=1, views="known")
+    run = train(recipe.replace(generator=lambda: recipe.generator()), tmp_path, quiet=True)
+    assert run.generator.sample(2).shape == (2, SIZE, SIZE, SIZE)
+    with pytest.raises(UserError, match="code outside unproject"):
+        load(tmp_path)
+
+
+def test_the_run_handed_back_is_the_run_on_disk(tmp_path: Path) -> None:
+    run = train(toy(steps=2), tmp_path, quiet=True)
+    assert torch.equal(run.generator.sample(2, 5), load(tmp_path).generator.sample(2, 5))

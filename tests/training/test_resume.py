@@ -1,0 +1,182 @@
+"""A run killed at any instant and resumed is the run that was never killed, bit for bit."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from comparing import differences, final, stats, temporaries
+from toy import toy
+
+from unproject._types import UserError
+from unproject.data import Collection
+from unproject.training import Adam, Recipe, checkpoint, load, loop, resume, train
+
+RECIPE = toy(steps=8, checkpoint_every=2)
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They would take half of the time."""
+    monkeypatch.setattr(loop, "save_samples", lambda generator, path: None)
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL where the instant must be exact: nothing in the package catches it and goes on."""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that nothing ever stopped."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loop, "EVERY", 2)
+        return train(RECIPE, tmp_path_factory.mktemp("whole") / "run", quiet=True).path
+
+
+def at_call(patch: pytest.MonkeyPatch, owner: object, name: str, number: int, act: Callable[[], object]) -> None:
+    """Run `act` right before the `number`-th call of `owner.name`."""
+    method, calls = getattr(owner, name), 0
+
+    def counted(*arguments: object, **named: object) -> object:
+        nonlocal calls
+        calls += 1
+        if calls == number:
+            act()
+        return method(*arguments, **named)
+
+    patch.setattr(owner, name, counted)
+
+
+def die() -> None:
+    raise Killed
+
+
+def test_ten_kills_with_sigkill(tmp_path: Path) -> None:
+    script = Path(__file__).with_name("killing.py")
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path), "0"], env=environment, capture_output=True, text=True, timeout=250
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.split()) == 10
+    print("the kills interrupted:", *done.stdout.split())
+    for killed in tmp_path.glob("killed-*"):
+        assert differences(tmp_path / "whole", killed) == []
+        assert temporaries(killed) == []
+
+
+INSTANTS = [
+    (loop.Loop, "_step", 1),  # before the first checkpoint
+    (loop.Loop, "_step", 6),
+    (loop, "predict", 2),  # between training the predictor and using it
+    (loop, "choose_ways", 3),
+    (checkpoint, "save_file", 3),
+    (os, "replace", 5),  # the file is written but has no name yet
+    (loop, "save_samples", 3),  # the checkpoint is there, its picture is not
+    (loop.run_directory, "write_json", 2),  # recipe.json was never written
+]
+
+
+@pytest.mark.parametrize("owner, name, number", INSTANTS, ids=lambda v: v if isinstance(v, str) else "")
+def test_killed_at_an_exact_instant(whole: Path, tmp_path: Path, owner: object, name: str, number: int) -> None:
+    run = tmp_path / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "unlink", lambda *_, **__: None)  # a killed process tidies nothing
+        at_call(patch, owner, name, number, die)
+        with pytest.raises(Killed):
+            train(RECIPE, run, quiet=True)
+    if (run / "recipe.json").exists():
+        resume(RECIPE, run, quiet=True)
+    else:
+        train(RECIPE, run, quiet=True)
+    assert differences(whole, run) == []
+
+
+def test_what_a_killed_save_left_is_removed(tmp_path: Path) -> None:
+    train(toy(steps=2), tmp_path, quiet=True)
+    left = [tmp_path / "checkpoints" / ".step-000000004.0a1b2c3d.tmp.safetensors", tmp_path / ".stats.0a.tmp.jsonl"]
+    for path in left:
+        path.write_bytes(b"half")
+    resume(toy(steps=4), tmp_path, quiet=True)
+    assert temporaries(tmp_path) == []
+
+
+def test_a_torn_last_line_is_dropped(whole: Path, tmp_path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        at_call(patch, loop.Loop, "_step", 6, die)
+        with pytest.raises(Killed):
+            train(RECIPE, tmp_path, quiet=True)
+    with (tmp_path / "stats.jsonl").open("a") as file:
+        file.write('{"step": 6, "seco')
+    resume(RECIPE, tmp_path, quiet=True)
+    assert stats(tmp_path) == stats(whole)
+
+
+def test_a_finished_run_resumes_to_itself(whole: Path) -> None:
+    before, lines = final(whole), stats(whole)
+    run = resume(RECIPE, whole, quiet=True)
+    after = final(whole)
+    assert run.step == 8 and stats(whole) == lines
+    assert all(torch.equal(before[name], after[name]) for name in before)
+
+
+def test_a_larger_budget_goes_on(tmp_path: Path) -> None:
+    train(toy(steps=4), tmp_path, quiet=True)
+    assert resume(toy(steps=6, checkpoint_every=3), tmp_path, quiet=True).step == 6
+    assert [p.name for p in checkpoint.list_checkpoints(tmp_path / "checkpoints")] == [
+        "step-000000004.safetensors",
+        "step-000000006.safetensors",
+    ]
+
+
+def test_a_budget_in_minutes_ends_with_a_checkpoint(tmp_path: Path) -> None:
+    run = train(toy(minutes=0.02), tmp_path, quiet=True)
+    assert run.step > 0 and load(tmp_path).step == run.step
+    assert resume(toy(minutes=0.02), tmp_path, quiet=True).step == run.step
+
+
+def interrupt() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_ctrl_c_saves_and_leaves(whole: Path, tmp_path: Path, number: int) -> None:
+    before = signal.getsignal(number)
+    with pytest.MonkeyPatch.context() as patch:
+        at_call(patch, loop.Loop, "_step", 7, lambda: signal.raise_signal(number))
+        run = train(RECIPE, tmp_path, quiet=True)
+    assert run.step == 7 and load(tmp_path).step == 7
+    assert signal.getsignal(number) is before
+    assert resume(RECIPE, tmp_path, quiet=True).step == 8
+    assert differences(whole, tmp_path) == []
+
+
+def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        at_call(patch, loop.Loop, "_step", 7, lambda: (interrupt(), interrupt()))
+        with pytest.raises(KeyboardInterrupt):
+            train(RECIPE, tmp_path, quiet=True)
+    assert load(tmp_path).step == 6 and temporaries(tmp_path) == []
+    resume(RECIPE, tmp_path, quiet=True)
+    assert differences(whole, tmp_path) == []
+
+
+CHANGED: dict[str, Recipe] = {
+    "looks": RECIPE.replace(looks=[(way, Collection(seen.items.flip(0))) for way, seen in RECIPE.looks[:1]]),
+    "seed": RECIPE.replace(seed=1),
+    "batch": RECIPE.replace(batch=8),
+    "generator_optimiser": RECIPE.replace(generator_optimiser=Adam(0.1)),
+    "assignment": toy(steps=8, starts=(0.25, 0.5)),
+}
+
+
+@pytest.mark.parametrize("field", CHANGED)
+def test_another_recipe_is_refused_by_the_field(whole: Path, field: str) -> None:
+    with pytest.raises(UserError, match=f": {field} differs"):
+        resume(CHANGED[field], whole, quiet=True)
