@@ -1,0 +1,68 @@
+"""Real photographs: 3-D birds from cut-out masks whose views nobody knows.
+
+    python benchmarks/birds.py --data MASKS.npz --minutes 20 --out docs/results/birds
+
+Leaves shapes.png (new shapes from four azimuths), views.png (the masks grouped by the view they were assigned) and
+birds.json (scores of the silhouettes, seconds, machine).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from unproject import export
+from unproject.data import read
+from unproject.recipes import origin
+from unproject.recipes.shapes import shapes
+from unproject.training import load, train
+from unproject.training.evaluation import assigned_panel, evaluate
+from unproject.training.run_directory import environment
+
+COLUMNS = 12
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--size", type=int, default=64)
+    parser.add_argument("--threads", type=int, default=torch.get_num_threads())
+    parser.add_argument("--runs", type=Path, default=Path("runs/birds"))
+    parser.add_argument("--out", type=Path, default=Path("docs/results/birds"))
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    arguments = {"data": options.data, "size": options.size, "minutes": options.minutes, "seed": options.seed}
+    recipe = shapes(**arguments)
+    if not (options.runs / "recipe.json").exists():
+        train(recipe, options.runs, origin=origin("shapes", arguments), quiet=True)
+    run = load(options.runs)
+    panel = assigned_panel(run, recipe)
+    options.out.mkdir(parents=True, exist_ok=True)
+    export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.png", size=128)
+    export.silhouette_sheet(
+        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=COLUMNS
+    )
+    scores = evaluate(run, recipe, read(options.data, size=options.size), n=len(panel.items), seed=options.seed)
+    about = {"seed": options.seed, "steps": run.step, "minutes": options.minutes, "environment": environment()}
+    result = {**about, "scores": {name: asdict(score) for name, score in scores.items()}}
+    (options.out / "birds.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+def grouped(masks: Tensor, ways: Tensor, bins: int) -> Tensor:
+    """One row of masks a view bin: the first dozen assigned to it, the rest of the row empty."""
+    rows = []
+    for k in range(bins):
+        chosen = masks[ways == k][:COLUMNS]
+        rows += [chosen, masks.new_zeros(COLUMNS - len(chosen), *masks.shape[1:])]
+    return torch.cat(rows)
+
+
+if __name__ == "__main__":
+    main()
