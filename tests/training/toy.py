@@ -9,11 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+import torch
+from torch import Tensor, nn
+
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.losses import Hinge, Loss, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty
 from unproject.data import Collection, chairs, render_silhouettes
-from unproject.networks import Discriminator, LowRankGenerator, ViewPredictor
+from unproject.networks import Discriminator, Generator, LowRankGenerator, ViewPredictor
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.priors import Product
@@ -23,6 +26,17 @@ from unproject.training import Adam, Recipe
 from unproject.training.recipe import Looks
 
 SIZE, CHAIRS, BINS = 16, 24, 4
+
+
+class Layer(Generator):
+    """The smallest generator there is, and one from outside the package."""
+
+    def __init__(self, code_size: int = 4) -> None:
+        super().__init__(code_size)
+        self.linear = nn.Linear(code_size, SIZE**3)
+
+    def forward(self, code: Tensor) -> Tensor:
+        return torch.sigmoid(self.linear(code)).view(-1, SIZE, SIZE, SIZE)
 
 
 def toy(
@@ -81,6 +95,11 @@ def toy(
         compile=compile,
         checkpoint_every=checkpoint_every,
     )
+
+
+def own(*, steps: int = 2, seed: int = 0) -> Recipe:
+    """A recipe with a generator of its own."""
+    return toy(steps=steps, seed=seed, views="known").replace(generator=Layer)
 
 
 def toy_looks(views: Views, silhouette: Silhouette, seed: int) -> Looks:

@@ -1,0 +1,167 @@
+"""A run that goes wrong is noticed, goes back once to its last good checkpoint, and otherwise stops and says why."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import pytest
+import torch
+from comparing import differences, final, stats
+from torch import Tensor
+from toy import toy
+
+from unproject.cli import main
+from unproject.networks import LowRankGenerator
+from unproject.training import checkpoint, health, loop, resume, train
+from unproject.training.health import Diverged, check, check_finite, diversity
+from unproject.training.loop import Loop
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loop, "save_samples", lambda generator, path: None)
+
+
+def breaking(monkeypatch: pytest.MonkeyPatch, *steps: int, where: str = "weights") -> None:
+    """Training turns NaN at these steps, counted as taken, so that a repeated step is another one."""
+    step, taken = Loop._step, 0
+
+    def broken(self: Loop) -> object:
+        nonlocal taken
+        losses, real, fake = step(self)
+        taken += 1
+        if taken in steps and where == "weights":
+            with torch.no_grad():
+                self.state.generator.bias.fill_(float("nan"))
+        elif taken in steps:
+            losses["loss_g"] = torch.tensor(float("inf"))
+        return losses, real, fake
+
+    monkeypatch.setattr(Loop, "_step", broken)
+
+
+def events(run: Path) -> list[str]:
+    return [line["event"] for line in stats(run) if "event" in line]
+
+
+@pytest.mark.parametrize("where", ["weights", "loss"])
+def test_the_first_time_it_goes_back_with_half_the_rate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    breaking(monkeypatch, 6, where=where)
+    run = train(toy(steps=12, checkpoint_every=4, views="known"), tmp_path, quiet=True)
+    tensors = final(tmp_path)
+    assert run.step == 12 and tensors["counters/rate_scale"] == 0.5 and tensors["counters/rescues"] == 1
+    assert all(v.isfinite().all() for v in tensors.values() if v.is_floating_point())
+    (rescued,) = [line for line in stats(tmp_path) if line.get("event") == "rescued"]
+    assert rescued["step"] == 4 and 6 <= rescued["at"] <= 8 and "step" in rescued["reason"]
+    said = " ".join(capsys.readouterr().err.split())
+    assert "going back to step 4 with half the learning rate" in said
+
+
+def test_the_second_time_it_stops_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    breaking(monkeypatch, 6, 9)
+    with pytest.raises(Diverged, match="broke down .* lower the learning rate"):
+        train(toy(steps=12, checkpoint_every=4, views="known"), tmp_path, quiet=True)
+    good = checkpoint.load(checkpoint.newest(tmp_path / "checkpoints"))
+    assert all(v.isfinite().all() for v in good.values() if v.is_floating_point())
+
+
+def test_without_a_checkpoint_it_stops_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    breaking(monkeypatch, 2)
+    with pytest.raises(Diverged):
+        train(toy(steps=12, views="known"), tmp_path, quiet=True)
+
+
+@pytest.mark.parametrize("every, last", [(5, 20), (100, 7)])
+def test_what_is_not_finite_is_never_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, every: int, last: int
+) -> None:
+    """Losses are read now and then only: a checkpoint, or the end of the run, may come before they are."""
+    monkeypatch.setattr(loop, "EVERY", 100)
+    breaking(monkeypatch, 7)
+    try:
+        train(toy(steps=last, checkpoint_every=every, views="known"), tmp_path, quiet=True)
+    except Diverged:
+        assert every == 100 and checkpoint.list_checkpoints(tmp_path / "checkpoints") == []
+    else:
+        assert events(tmp_path) == ["rescued"] and final(tmp_path)["generator/bias"].isfinite()
+
+
+def test_a_rescued_run_that_is_stopped_keeps_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines of before the rescue have later steps than the checkpoint of after it: steps do not tell which to keep."""
+    recipe = toy(steps=12, checkpoint_every=4, views="known")
+    breaking(monkeypatch, 8)
+    whole = train(recipe, tmp_path / "whole", quiet=True).path
+    steps = [(line["step"], line.get("event")) for line in stats(whole)]
+    assert steps[:5] == [(2, None), (4, None), (6, None), (8, None), (4, "rescued")]
+
+    breaking(monkeypatch, 8)
+    step, calls = Loop._step, iter(range(1, 100))
+
+    def stopped(self: Loop) -> object:
+        if next(calls) == 9:
+            signal.raise_signal(signal.SIGINT)
+        return step(self)
+
+    monkeypatch.setattr(Loop, "_step", stopped)
+    assert train(recipe, tmp_path / "stopped", quiet=True).step == 5
+    resume(recipe, tmp_path / "stopped", quiet=True)
+    assert differences(whole, tmp_path / "stopped") == []
+
+
+class Constant(LowRankGenerator):
+    """A generator that always makes the same thing."""
+
+    def forward(self, code: Tensor) -> Tensor:
+        return super().forward(torch.zeros_like(code).detach()) * 0 + self.bias * 0 + 0.3
+
+
+def test_collapse_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(health, "WARM_UP", 4)
+    recipe = toy(steps=40, checkpoint_every=2, views="direct").replace(generator=lambda: Constant(16, 8, 8, 4))
+    with pytest.raises(Diverged, match="collapsed at step .* looks the same .*lower the learning rate"):
+        train(recipe, tmp_path, quiet=True)
+    assert events(tmp_path) == ["rescued"]
+
+
+def test_a_collapse_is_five_dull_looks_in_a_row() -> None:
+    dull = 0
+    for _ in range(4):
+        dull = check(400, {"loss": 1.0}, 0.01, dull)
+    assert dull == 4 and check(400, {"loss": 1.0}, 0.5, dull) == 0
+    with pytest.raises(Diverged):
+        check(400, {"loss": 1.0}, 0.01, dull)
+    assert check(300, {"loss": 1.0}, 0.0, 4) == 0
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_losses_that_are_not_finite_are_named(value: float) -> None:
+    with pytest.raises(Diverged, match="step 7: loss_d is"):
+        check(7, {"loss_g": 0.0, "loss_d": value}, 1.0, 0)
+
+
+def test_weights_that_are_not_finite_are_named() -> None:
+    good = {"a": torch.ones(2), "n": torch.tensor(3)}
+    check_finite(7, good, bool)
+    with pytest.raises(Diverged, match="step 7: b is not finite"):
+        check_finite(7, {**good, "b": torch.tensor([1.0, float("nan")])}, bool)
+    with pytest.raises(Diverged, match="a weight"):
+        check_finite(7, good, lambda mine: True)  # another process saw it
+
+
+def test_diversity_is_a_share_of_the_real_images() -> None:
+    real = torch.rand(64, 1, 4, 4, generator=torch.Generator().manual_seed(0))
+    assert diversity(real, real / 2) == pytest.approx(0.5, rel=1e-4)
+    assert diversity(real, torch.ones_like(real)) == 0
+
+
+def test_the_command_line_says_it_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    breaking(monkeypatch, 2)
+    recipe = f"{Path(__file__).with_name('toy.py')}:toy"
+    assert main(["train", recipe, "--steps", "4", "--views", "known", "--quiet", "--out", str(tmp_path / "run")]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("unproject: training broke down") and err.count("\n") == 1
