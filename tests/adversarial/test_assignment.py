@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 from torch import Tensor, nn
+from torch.optim.optimizer import register_optimizer_step_pre_hook
 
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
@@ -125,6 +126,16 @@ def test_training_is_a_function_of_the_seed_and_reports() -> None:
     second, again = trained(settings, images, ways)
     assert loss == again and steps == [0, 20]
     assert all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
+
+
+def test_the_learning_rate_falls_to_zero() -> None:
+    rates: list[float] = []
+    watch = register_optimizer_step_pre_hook(lambda adam, *_: rates.append(adam.param_groups[0]["lr"]))
+    try:
+        trained(Predicted(SMALL, steps=4, batch=8, learning_rate=1.0), *quadrants(8))
+    finally:
+        watch.remove()
+    assert rates == [1.0, 0.75, 0.5, 0.25]
 
 
 class Spy(ViewPredictor):

@@ -164,6 +164,11 @@ def test_the_largest_singular_value_of_every_head_is_one(options: dict[str, obje
         assert (largest - 1).abs().max() < 0.03, name
 
 
+def test_fresh_weights_are_nearly_normalised_already() -> None:
+    for name, stack in stacks(build(spectral=True)):
+        assert torch.linalg.matrix_norm(stack.detach(), 2).max() < 1.2, name
+
+
 def test_without_the_option_nothing_is_normalised() -> None:
     assert not any(is_parametrized(module) for module in build().modules())
 
