@@ -80,7 +80,9 @@ def toy(
     return Recipe(
         generator=partial(LowRankGenerator, size=SIZE, channels=8, rank=4, code_size=8),
         discriminator=partial(Discriminator, channels=4, bottleneck=16, shared=4, volumetric=views == "direct"),
-        looks=look_at(data, views, silhouette, BINS, 2, False, seed) if data else toy_looks(views, silhouette, seed),
+        looks=look_at(data, views, azimuth_bins(BINS, silhouette), 2, False, seed)
+        if data
+        else toy_looks(views, silhouette, seed),
         assignment=predicted if views == "predicted" else Known(),
         loss=of_loss[loss][0],
         penalty=of_loss[loss][1],

@@ -32,6 +32,7 @@ def run(
     from .._files import atomic_path
     from ..ops.hull import visual_hull
     from ..training import load
+    from ..training.run_directory import naming
 
     if n < 1:
         raise UserError(f"--n {n}: give at least 1")
@@ -42,6 +43,6 @@ def run(
     if hull and volumetric:
         x = visual_hull(x)
     kind = "volume" if volumetric else "image"
-    with atomic_path(out) as temporary, temporary.open("wb") as file:
+    with naming(out), atomic_path(out) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **{kind: x.numpy()})  # pyright: ignore[reportArgumentType]
     print(f"{out}: {n} {kind}s of {'x'.join(map(str, x.shape[1:]))}")

@@ -55,6 +55,7 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
         with safe_open(path, framework="pt") as file:
             if (file.metadata() or {}).get("format") != FORMAT:
                 raise UserError(f"{path}: not a checkpoint of unproject ({FORMAT}); point to a run of this program")
-            return {name: file.get_tensor(name) for name in file.keys() if name.startswith(prefix)}  # noqa: SIM118
+            wanted = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
+            return {name: file.get_tensor(name).clone() for name in wanted}  # else they live in the mapped file
     except (SafetensorError, OSError) as error:
         raise UserError(f"{path}: damaged ({error}); delete it, and the run resumes from the one before") from error

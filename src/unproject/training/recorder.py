@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from .._files import atomic_path
+from .run_directory import naming
 
 
 class Recorder:
@@ -50,7 +52,7 @@ class Recorder:
         if not self.file.exists():
             return
         kept = self.file.read_text(encoding="utf-8").splitlines(keepends=True)[:lines]
-        with atomic_path(self.file) as temporary:
+        with naming(self.file), atomic_path(self.file) as temporary:
             temporary.write_text("".join(kept), encoding="utf-8")
 
     def __enter__(self) -> Recorder:
@@ -61,12 +63,14 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.bar.stop()
-        self.stream.close()
+        with suppress(OSError):  # what a full disk refused once is still in the buffer
+            self.stream.close()
 
     def write(self, step: int, seconds: float, **values: Any) -> None:
         """One line of stats.jsonl."""
-        self.stream.write(json.dumps({"step": step, "seconds": round(seconds, 3), **values}) + "\n")
-        self.stream.flush()
+        with naming(self.file):
+            self.stream.write(json.dumps({"step": step, "seconds": round(seconds, 3), **values}) + "\n")
+            self.stream.flush()
         self.lines += 1
 
     def show(self, progress: float, note: str) -> None:
