@@ -60,6 +60,7 @@ CHANGES = [
     {"density": 1.0},
     {"rate": 1e-4},
     {"gamma": 2.0},
+    {"solid": 0.2},
     {"starts": (0.5,)},
     {"mirror": True},
     {"precision": "bfloat16"},

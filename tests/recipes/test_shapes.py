@@ -13,6 +13,7 @@ from unproject._types import UserError
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty
+from unproject.adversarial.regularisers import Solid
 from unproject.data import Collection
 from unproject.networks import LowRankGenerator, VoxelGenerator
 from unproject.projections.base import Identity
@@ -67,6 +68,13 @@ def test_direct_training(recipe: Callable[..., Recipe], volumes: Path) -> None:
     assert isinstance(made.assignment, Known) and isinstance(observation.projection, Identity)
     assert collection.items.shape == (6, 16, 16, 16)
     assert made.discriminator.keywords["volumetric"]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("views, solid", [("predicted", True), ("known", True), ("single", True), ("direct", False)])
+def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any, solid: bool, volumes: Path) -> None:
+    made = shapes(data=volumes, views=views, solid=0.3, **SMALL)
+    assert made.regulariser == (Solid(0.3) if solid else None)
+    assert shapes(data=volumes, views=views, solid=0.0, **SMALL).regulariser is None
 
 
 @pytest.mark.parametrize("views, heads", [("predicted", 16), ("single", 1), ("direct", 1)])
