@@ -1,6 +1,8 @@
-"""What verbs set on the machine before they compute."""
+"""What verbs set on the machine before they compute, and who of several processes speaks."""
 
 from __future__ import annotations
+
+import os
 
 from .._types import UserError
 
@@ -14,3 +16,9 @@ def use_threads(threads: int | None) -> None:
     import torch
 
     torch.set_num_threads(threads)
+
+
+def say(line: str) -> None:
+    """Print, from the leading process only if torchrun started several."""
+    if os.environ.get("RANK", "0") == "0":
+        print(line)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from ._machine import use_threads
+from ._machine import say, use_threads
 
 
 def run(
@@ -39,7 +39,7 @@ def run(
     changes = _budget(stored["arguments"], steps, minutes)
     recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust, **changes)
     finished = resume(recipe, path, device=device, quiet=quiet)
-    print(f"{path}: {finished.step} steps")
+    say(f"{path}: {finished.step} steps")
 
 
 def _budget(arguments: dict[str, Any], steps: int | None, minutes: float | None) -> dict[str, Any]:

@@ -31,12 +31,12 @@ def run(
         quiet: no progress bar.
     """
     from ..training import train
-    from ._machine import use_threads
+    from ._machine import say, use_threads
 
     use_threads(threads)
     out = out or Path("runs") / f"{origin.recipe.rpartition(':')[2]}-{recipe.seed}"
     finished = train(recipe, out, origin=origin, device=device, quiet=quiet)
-    print(f"{out}: {finished.step} steps; next: unproject export {out} --to sheet --out {out}/sheet.png")
+    say(f"{out}: {finished.step} steps; next: unproject export {out} --to png --out {out / 'sheet.png'}")
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

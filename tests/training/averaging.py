@@ -1,0 +1,81 @@
+"""What each of two processes does in tests/test_processes.py: `torchrun ... averaging.py FOLDER`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import torch
+from toy import toy
+
+import unproject.training.loop as loop
+from unproject.adversarial.losses import Wasserstein
+from unproject.networks import Discriminator
+from unproject.training import health, train
+from unproject.training.distribution import Distribution
+
+
+def gradient(images: torch.Tensor, distribution: Distribution | None) -> torch.Tensor:
+    """Of a discriminator without batch statistics on a batch of pairs."""
+    torch.manual_seed(0)
+    network = Discriminator((1, 16, 16), heads=3, channels=4)
+    heads = torch.zeros(len(images) // 2, dtype=torch.int64)
+    real, fake = images.chunk(2)
+    Wasserstein().discriminator(network(real, heads), network(fake, heads)).backward()
+    if distribution is not None:
+        distribution.average_gradients(network)
+    return torch.cat([p.grad.flatten() for p in network.parameters() if p.grad is not None])
+
+
+def one_collapsed(distribution: Distribution) -> float:
+    """Every process must see the same diversity, or one would go back and leave the others waiting."""
+    images = torch.rand(4, 1, 2, 2, generator=torch.Generator().manual_seed(0))
+    return distribution.average(health.diversity(images, images * (1 - distribution.rank)))
+
+
+def main(folder: Path) -> None:
+    torch.set_num_threads(1)
+    loop.EVERY = 2
+    distribution = Distribution("cpu")
+    rank = distribution.rank
+    real, fake = torch.rand(2, 8, 1, 16, 16, generator=torch.Generator().manual_seed(1))
+    half = slice(4 * rank, 4 * rank + 4)
+    found = {
+        "whole": gradient(torch.cat([real, fake]), None),
+        "halves": gradient(torch.cat([real[half], fake[half]]), distribution),
+    }
+    (given,) = tensors = [torch.full((2,), rank)]
+    distribution.copy_from_leader(tensors)
+    agreed = [distribution.agree(rank == 1), distribution.agree(False)]
+    diversity = one_collapsed(distribution)
+
+    states: list[loop.State] = []
+    build = loop.State
+
+    def remembered(*arguments: object) -> loop.State:
+        states.append(build(*arguments))  # type: ignore[arg-type]
+        return states[-1]
+
+    loop.State = remembered  # type: ignore[misc, assignment]
+    train(toy(steps=4, checkpoint_every=2, discriminator_steps=2), folder / "run", device="cpu", quiet=True)
+    (state,) = states
+    sums = {
+        f"{i}/{name}": float(p.double().sum())
+        for i, module in enumerate((state.generator, state.discriminators, state.average))
+        for name, p in module.named_parameters()
+    }
+    report = {
+        "difference": float((found["whole"] - found["halves"]).abs().max()),
+        "size": float(found["whole"].abs().max()),
+        "copied": given.tolist(),
+        "agreed": agreed,
+        "diversity": diversity,
+        "sums": sums,
+        "ways": state.panels[0].ways.tolist(),
+    }
+    (folder / f"rank-{rank}.json").write_text(json.dumps(report))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
