@@ -43,7 +43,8 @@ class Predicted:
         clusters: judge with this many heads, from k-means of the predicted probabilities, in place of one
             head a way of looking.
         restart: train the generator and the discriminator of round 1 from scratch, as the released code does.
-        binarise: threshold projections at ½ before the predictor sees them.
+        binarise: threshold images at ½ before the predictor sees them.
+        fresh: train the predictor from scratch in every round.
 
     References:
         Li et al. 2019; schedule and clusters from the authors' released implementation.
@@ -51,14 +52,15 @@ class Predicted:
 
     predictor: Callable[[tuple[int, ...], int], nn.Module]
     starts: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8)
-    images: int = 4096
-    steps: int = 200
+    images: int = 2048
+    steps: int = 150
     batch: int = 128
     learning_rate: float = 2e-3
     draw: Literal["argmax", "posterior"] = "argmax"
     clusters: int | None = None
     restart: bool = False
     binarise: bool = False
+    fresh: bool = False
 
     def __post_init__(self) -> None:
         if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
@@ -107,8 +109,9 @@ def train_predictor(
 
 
 @torch.no_grad()
-def predict(predictor: nn.Module, images: Tensor, batch: int = 512) -> Tensor:
+def predict(predictor: nn.Module, images: Tensor, binarise: bool = False, batch: int = 512) -> Tensor:
     """The probability of every way of looking for each image, (N, ways), on the CPU."""
+    images = (images > 0.5).to(images) if binarise else images
     device = next(predictor.parameters()).device
     return torch.cat([predictor(part.to(device)).softmax(1).cpu() for part in images.split(batch)])
 
@@ -120,18 +123,29 @@ def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator) -> Tenso
     return torch.multinomial(probabilities, 1, generator=rng)[:, 0]
 
 
-def k_means(rows: Tensor, clusters: int, rng: torch.Generator, iterations: int = 50) -> Tensor:
-    """The cluster of each row by Lloyd's algorithm from k-means++ seeds; an empty cluster keeps its centre."""
+def k_means(rows: Tensor, clusters: int, rng: torch.Generator, starts: int = 5) -> Tensor:
+    """The cluster of each row: the best of several runs of Lloyd's algorithm from k-means++ seeds."""
+    runs = [_lloyd(rows, _spread_seeds(rows, clusters, rng)) for _ in range(starts)]
+    return min(runs, key=lambda run: run[0])[1]
+
+
+def _spread_seeds(rows: Tensor, clusters: int, rng: torch.Generator) -> Tensor:
+    """k-means++: each further centre is a row drawn in proportion to its squared distance to the nearest one."""
     centres = rows[torch.randint(len(rows), (1,), generator=rng)]
     while len(centres) < clusters:
         nearest = torch.cdist(rows, centres).min(1).values.square() + 1e-12
         centres = torch.cat([centres, rows[torch.multinomial(nearest, 1, generator=rng)]])
-    cluster = torch.cdist(rows, centres).argmin(1)
+    return centres
+
+
+def _lloyd(rows: Tensor, centres: Tensor, iterations: int = 50) -> tuple[float, Tensor]:
+    """(sum of squared distances, cluster of each row); an empty cluster keeps its centre."""
+    distance, cluster = torch.cdist(rows, centres).min(1)
     for _ in range(iterations):
         for c in cluster.unique().tolist():
             centres[c] = rows[cluster == c].mean(0)
-        moved = torch.cdist(rows, centres).argmin(1)
+        distance, moved = torch.cdist(rows, centres).min(1)
         if torch.equal(moved, cluster):
             break
         cluster = moved
-    return cluster
+    return float(distance.square().sum()), cluster

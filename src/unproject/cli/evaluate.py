@@ -6,6 +6,7 @@ import json as json_module
 from dataclasses import asdict
 from pathlib import Path
 
+from .._types import UserError
 from ._machine import use_threads
 
 
@@ -39,6 +40,8 @@ def run(
     from ..training.run_directory import read_recipe
 
     use_threads(threads)
+    if n < 1:
+        raise UserError(f"--n {n}: give at least 1")
     opened = load(path, trust)
     stored = read_recipe(path)
     recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust)

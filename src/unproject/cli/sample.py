@@ -14,7 +14,6 @@ def run(
     n: int = 16,
     seed: int = 0,
     out: Path = Path("samples.npz"),
-    hull: bool = False,
     trust: bool = False,
 ) -> None:
     """Draw new things from a run into an .npz file: `volume` (N, X, Y, Z) or `image` (N, 1, H, W), float32.
@@ -24,13 +23,11 @@ def run(
         n: how many.
         seed: which; the same seed gives the same things.
         out: the file to write.
-        hull: fill what no level view can see.
         trust: import the generator's code although it is not of this package.
     """
     import numpy as np
 
     from .._files import atomic_path
-    from ..ops.hull import visual_hull
     from ..training import load
     from ..training.run_directory import naming
 
@@ -40,8 +37,6 @@ def run(
         raise UserError(f"--out {out}: give a name that ends in .npz")
     x = load(path, trust).generator.sample(n, seed)
     volumetric = x.dim() == 4 and x.shape[1] > 4
-    if hull and volumetric:
-        x = visual_hull(x)
     kind = "volume" if volumetric else "image"
     with naming(out), atomic_path(out) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **{kind: x.numpy()})  # pyright: ignore[reportArgumentType]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from .._types import UserError
 from ._arguments import bind_recipe
 
 if TYPE_CHECKING:
@@ -30,10 +31,12 @@ def run(
         threads: processor threads; all cores unless given.
         quiet: no progress bar.
     """
-    from ..training import train
+    from ..training import Recipe, train
     from ._machine import say, use_threads
 
     use_threads(threads)
+    if not isinstance(recipe, Recipe):
+        raise UserError(f"{origin.recipe} returned {type(recipe).__name__}; name a function that returns a Recipe")
     out = out or Path("runs") / f"{origin.recipe.rpartition(':')[2]}-{recipe.seed}"
     finished = train(recipe, out, origin=origin, device=device, quiet=quiet)
     say(f"{out}: {finished.step} steps; next: unproject export {out} --to png --out {out / 'sheet.png'}")

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from .._random import generator_at
 from .._types import UserError
+from ..ops.hull import visual_hull
 from .blocks import SmoothUpsampling, upsampling_levels
 
 
@@ -49,7 +50,8 @@ class Generator(nn.Module, ABC):
         training = self.training
         self.eval()
         try:
-            return torch.cat([self(part.to(device)).float().cpu() for part in codes.split(batch)])[:n]
+            parts = (self(part.to(device)).float() for part in codes.split(batch))
+            return torch.cat([(visual_hull(x) if self.hull else x).cpu() for x in parts])[:n]
         finally:
             self.train(training)
 

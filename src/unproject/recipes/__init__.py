@@ -41,9 +41,6 @@ def origin(name: str, arguments: dict[str, Any]) -> Origin:
     source, colon, function = name.rpartition(":")
     if source.endswith(".py"):
         name = f"{Path(source).absolute()}{colon}{function}"
-    source, _, function = name.rpartition(":")
-    if source.endswith(".py"):
-        name = f"{Path(source).absolute()}:{function}"
     stored = {k: {"path": str(v.absolute())} if isinstance(v, Path) else v for k, v in arguments.items()}
     return Origin(name, stored)
 

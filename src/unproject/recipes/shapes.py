@@ -58,8 +58,8 @@ def shapes(
     rate: float = 2e-3,
     gamma: float = 1.0,
     solid: float = 0.1,
-    starts: tuple[float, ...] = (0.2, 0.35, 0.5, 0.65, 0.8),
-    mirror: bool = False,
+    starts: tuple[float, ...] = (0.35, 0.55, 0.75),
+    mirror: bool = True,
     precision: Literal["float32", "bfloat16"] = "float32",
     compile: bool = False,
     checkpoint_every: int = 500,
@@ -86,7 +86,7 @@ def shapes(
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes.
         starts: parts of the budget at which views are predicted anew.
-        mirror: make only shapes that are symmetric left to right.
+        mirror: make only shapes that are symmetric left to right, as most things are; turn it off for others.
         precision: of the networks.
         compile: use torch.compile.
         checkpoint_every: steps between checkpoints.
@@ -184,6 +184,7 @@ def shapes_paper(
             100_000,
             32,
             1e-3,
+            fresh=True,
             clusters=clusters,
             restart=True,
             binarise=True,
@@ -250,13 +251,15 @@ def by_known_view(collection: Collection, bins: Sequence[Observation]) -> Looks:
             "(file,azimuth in degrees) or use --views predicted"
         )
     latents = {"elevation": torch.zeros(len(collection)), **collection.latents}
+    inside = torch.stack([observation.prior.contains(latents) for observation in bins]).any(0)
+    if not bool(inside.all()):
+        raise UserError(
+            f"{collection.source}: the known view of {int((~inside).sum())} of {len(inside)} images lies outside every "
+            "bin; leave them out, or give --bands enough bands of elevation"
+        )
     looks = []
     for observation in bins:
         rows = observation.prior.contains(latents).nonzero()[:, 0]
         if len(rows):
             looks.append((observation, collection.subset(rows)))
-    if not looks:
-        raise UserError(
-            f"{collection.source}: no known view falls into any bin; check views.csv (degrees, elevation 0)"
-        )
     return looks

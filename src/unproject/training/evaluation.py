@@ -72,7 +72,7 @@ def true_views(recipe: Recipe, panel: Panel) -> Tensor | None:
         return None
     known = {"elevation": torch.zeros(len(panel.items)), **latents}
     inside = torch.stack([observation.prior.contains(known) for observation in panel.observations], 1)
-    return inside.long().argmax(1)
+    return inside.long().argmax(1) if bool(inside.any(1).all()) else None
 
 
 def supervised_ceiling(panel: Panel, true: Tensor, seed: int, steps: int = 600) -> ViewAccuracy:

@@ -203,6 +203,8 @@ class Loop:
         """A round of assignment: train the view predictor on what the generator makes, assign the real images."""
         state, recipe = self.state, self.recipe
         panel, ways = state.panels[0], len(state.panels[0].observations)
+        if settings.fresh:
+            state.renew_predictor(recipe, due)
         assert state.predictor is not None
         self.distribution.copy_from_leader([*state.average.parameters(), *state.average.buffers()])
 
@@ -210,7 +212,7 @@ class Loop:
         report = self.recorder.subtask("view predictor", settings.steps)
         loss = train_predictor(state.predictor, *self._labelled(settings.images, seed), settings, seed, report)
         report(settings.steps, loss)
-        probabilities = predict(state.predictor, panel.items)
+        probabilities = predict(state.predictor, panel.items, settings.binarise)
         rng = generator_at(seed, 0, "choose")
         panel.ways = choose_ways(probabilities, settings.draw, rng)
         panel.heads = k_means(probabilities, settings.clusters, rng) if settings.clusters else panel.ways.clone()

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import torch
@@ -103,8 +104,11 @@ def describe(value: Any) -> Any:
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, Collection):
-        return {"collection": value.source, "shape": list(value.items.shape), "sha256": fingerprint(value.items)}
+        # Not its source: the same data may be reached by another path.
+        return {"collection": list(value.items.shape), "sha256": fingerprint(value.items)}
     if isinstance(value, Tensor):
         return {"tensor": list(value.shape), "sha256": fingerprint(value)}
     if isinstance(value, partial):
@@ -132,5 +136,5 @@ def full_name(value: Any) -> str:
 
 def fingerprint(tensor: Tensor) -> str:
     """The SHA-256 of a tensor's values, shortened to 16 digits."""
-    data = tensor.detach().cpu().contiguous()
+    data = tensor.detach().cpu().contiguous().reshape(-1)
     return hashlib.sha256(data.view(torch.uint8).numpy().tobytes()).hexdigest()[:16]

@@ -74,11 +74,12 @@ def remove_temporaries(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Name the file in an error of the disk that does not say which one it refused."""
+    """Name the file in an error of the disk that names none, or the temporary one."""
     try:
         yield
     except OSError as error:
-        error.filename = error.filename or str(path)
+        if error.filename is None or ".tmp." in str(error.filename):
+            error.filename = str(path)
         raise
 
 

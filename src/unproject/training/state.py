@@ -57,6 +57,11 @@ class State:
         panel = self.panels[0]
         return recipe.assignment.predictor(panel.shape, len(panel.observations)).to(self.device)
 
+    def renew_predictor(self, recipe: Recipe, round_: int) -> None:
+        """A predictor with new weights, for a round that trains it from scratch."""
+        with seeded(recipe.seed, f"predictor/{round_}"):
+            self.predictor = self._new_predictor(recipe)
+
     def restart(self, recipe: Recipe) -> None:
         """Fresh generator and discriminators, as the released code does for round 1; assignments are kept."""
         fresh = State(recipe.replace(seed=recipe.seed + 1), self.device)
