@@ -1,0 +1,105 @@
+"""Panels: looks that share a projection and an image shape share a discriminator, a head each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import torch
+from comparing import differences, final
+from torch import Tensor
+from toy import BINS, CHAIRS, SIZE, toy
+
+from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.adversarial.assignment import Known
+from unproject.data import Collection, chairs
+from unproject.networks import Discriminator
+from unproject.projections.base import Projection
+from unproject.projections.observation import Observation
+from unproject.projections.priors import Product, Uniform
+from unproject.projections.silhouette import Silhouette, azimuth_bins
+from unproject.training import Recipe, resume, train
+from unproject.training.panel import build_panels
+
+
+@dataclass(frozen=True)
+class Plan(Projection):
+    """Seen from above, `scale` times as bright."""
+
+    scale: float = 1.0
+
+    def forward(self, x: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return self.scale * x.amax(2)[:, None]
+
+
+class Unequal(Projection):
+    """No two of these are equal: each is a way of its own."""
+
+    def forward(self, x: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return x.amax(2)[:, None]
+
+
+def looking(*projections: Projection, count: int = 6) -> Recipe:
+    """A recipe with one look for each projection and images that it made."""
+    shapes = chairs(count, SIZE)
+    looks = [(Observation(f"look {i}", p, Product()), Collection(p(shapes))) for i, p in enumerate(projections)]
+    return toy(steps=2, views="known").replace(looks=looks, discriminator=lambda shape, heads: heads)
+
+
+def test_equal_projections_share_a_panel_and_others_do_not() -> None:
+    panels = build_panels(looking(Plan(), Plan(0.5), Plan(), Unequal(), Unequal()))
+    assert [len(panel.observations) for panel in panels] == [2, 1, 1, 1]
+    assert [panel.observations[0].name for panel in panels] == ["look 0", "look 1", "look 3", "look 4"]
+    assert [panel.discriminator for panel in panels] == [2, 1, 1, 1]
+    assert panels[0].ways.tolist() == panels[0].heads.tolist() == [0] * 6 + [1] * 6
+
+
+def test_images_of_another_size_are_judged_apart() -> None:
+    recipe = looking(Plan(), Plan())
+    (observation, seen), (other, _) = recipe.looks
+    small = Collection(seen.items[:, :, ::2, ::2])
+    assert len(build_panels(recipe.replace(looks=[(observation, seen), (other, small)]))) == 2
+
+
+def test_each_image_is_paired_with_its_own_way_of_looking() -> None:
+    """With bins as narrow as nothing, what a panel sees is what each observation sees."""
+    silhouette, shapes = Silhouette(size=SIZE), chairs(4, SIZE)
+    angles = [0.3, 1.2, 2.9]
+    level = Uniform("elevation", 0, 0)
+    ways = [Observation(f"{a}", silhouette, Product(Uniform("azimuth", a, a), level)) for a in angles]
+    blank = Collection(torch.zeros(4, 1, SIZE, SIZE))
+    (panel,) = build_panels(toy(steps=1, views="known").replace(looks=[(way, blank) for way in ways]))
+    way = torch.tensor([2, 0, 1, 0])
+    seen = panel.look(shapes, way, generator_at(0))
+    expected = silhouette(shapes, azimuth=torch.tensor(angles)[way], elevation=torch.zeros(4))
+    assert torch.allclose(seen, expected, atol=1e-6)
+
+
+def test_several_projections_train_together_and_resume(tmp_path: Path) -> None:
+    recipe = looking(Plan(), Plan(0.5), Unequal()).replace(discriminator=lambda s, h: Discriminator(s, h, channels=4))
+    recipe = recipe.replace(checkpoint_every=2)
+    whole = train(recipe.replace(steps=4), tmp_path / "whole", quiet=True).path
+    train(recipe, tmp_path / "half", quiet=True)
+    resume(recipe.replace(steps=4), tmp_path / "half", quiet=True)
+    assert differences(whole, tmp_path / "half") == []
+    assert {name.split("/")[1] for name in final(whole) if name.startswith("panels/")} == {"0", "1", "2"}
+
+
+def test_unknown_views_start_at_random_and_with_one_head() -> None:
+    (panel,) = build_panels(toy(steps=1))
+    assert len(panel.observations) == BINS and len(panel.items) == 2 * CHAIRS
+    assert panel.ways.unique().tolist() == list(range(BINS)) and panel.heads.unique().tolist() == [0]
+
+
+def test_predicted_assignment_needs_one_collection_and_several_looks() -> None:
+    recipe = toy(steps=1)
+    ways, (_, seen) = azimuth_bins(2, Silhouette(size=SIZE)), recipe.looks[0]
+    with pytest.raises(UserError, match="at least two looks"):
+        build_panels(recipe.replace(looks=[(ways[0], seen)]))
+    with pytest.raises(UserError, match="same collection"):
+        build_panels(recipe.replace(looks=[(ways[0], seen), (ways[1], Collection(seen.items))]))
+    with pytest.raises(UserError, match="share one projection"):
+        build_panels(recipe.replace(looks=[(ways[0], seen), (Observation("plan", Plan(), Product()), seen)]))
+    assert len(build_panels(recipe.replace(assignment=Known()))) == 1
