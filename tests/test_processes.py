@@ -51,4 +51,5 @@ def test_processes_agree_average_and_stay_equal(tmp_path: Path) -> None:
     assert a["copied"] == b["copied"] == [0, 0]
     assert a["agreed"] == b["agreed"] == [True, False]
     assert a["diversity"] == b["diversity"] == pytest.approx(0.5)
+    assert a["writes"] == [1, 2, 2, "stats.jsonl"] and b["writes"] == [0, 0, 0, "null"]
     assert steps(tmp_path / "run") == [1, 2, 2, 3, 4]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import torch
 from toy import toy
@@ -34,6 +35,18 @@ def one_collapsed(distribution: Distribution) -> float:
     return distribution.average(health.diversity(images, images * (1 - distribution.rank)))
 
 
+def remembering(owner: Any, name: str) -> list[Any]:
+    """What every later call of `owner.name` returns."""
+    function, results = getattr(owner, name), []
+
+    def call(*arguments: Any) -> Any:
+        results.append(function(*arguments))
+        return results[-1]
+
+    setattr(owner, name, call)
+    return results
+
+
 def main(folder: Path) -> None:
     torch.set_num_threads(1)
     loop.EVERY = 2
@@ -50,14 +63,16 @@ def main(folder: Path) -> None:
     agreed = [distribution.agree(rank == 1), distribution.agree(False)]
     diversity = one_collapsed(distribution)
 
-    states: list[loop.State] = []
-    build = loop.State
-
-    def remembered(*arguments: object) -> loop.State:
-        states.append(build(*arguments))  # type: ignore[arg-type]
-        return states[-1]
-
-    loop.State = remembered  # type: ignore[misc, assignment]
+    states, recorders, creations, saves, pictures = (
+        remembering(*where)
+        for where in (
+            (loop, "State"),
+            (loop, "Recorder"),
+            (loop.run_directory, "create"),
+            (loop.checkpoint, "save"),
+            (loop, "save_samples"),
+        )
+    )
     train(toy(steps=4, checkpoint_every=2, discriminator_steps=2), folder / "run", device="cpu", quiet=True)
     (state,) = states
     sums = {
@@ -72,6 +87,7 @@ def main(folder: Path) -> None:
         "agreed": agreed,
         "diversity": diversity,
         "sums": sums,
+        "writes": [len(creations), len(saves), len(pictures), recorders[0].file.name],
         "ways": state.panels[0].ways.tolist(),
     }
     (folder / f"rank-{rank}.json").write_text(json.dumps(report))

@@ -16,11 +16,14 @@ from toy import BINS, CHAIRS, SIZE, Layer, toy
 
 from unproject._types import UserError
 from unproject.adversarial.assignment import Predicted
+from unproject.adversarial.penalties import GradientPenalty
+from unproject.networks import LowRankGenerator
 from unproject.recipes import shapes as shapes_module
 from unproject.recipes.shapes import shapes, shapes_paper
 from unproject.training import Adam, Recipe, load, loop, train
 from unproject.training.distribution import Distribution
 from unproject.training.loop import Loop
+from unproject.training.panel import Panel
 from unproject.training.recorder import Recorder
 from unproject.training.state import State
 
@@ -45,6 +48,31 @@ def test_torchs_own_randomness_plays_no_part(tmp_path: Path) -> None:
     assert torch.equal(before, torch.get_rng_state())
     torch.manual_seed(2)
     assert differences(a, trained(tmp_path / "b")) == []
+
+
+def test_every_update_draws_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Codes, latents, rows and penalties of every update come from streams of their own."""
+    states: list[bytes] = []
+
+    def noted(owner: Any, name: str) -> None:
+        method = getattr(owner, name)
+
+        def call(*arguments: Any) -> Any:
+            states.extend(a.get_state().numpy().tobytes() for a in arguments if isinstance(a, torch.Generator))
+            return method(*arguments)
+
+        monkeypatch.setattr(owner, name, call)
+
+    noted(Panel, "look")
+    noted(LowRankGenerator, "draw")
+    noted(GradientPenalty, "__call__")
+    rows: list[tuple[int, ...]] = []
+    taken = Panel.rows
+    monkeypatch.setattr(Panel, "rows", lambda *a: (rows.append(tuple(taken(*a).tolist())), taken(*a))[1])
+    monkeypatch.setattr(loop, "save_samples", lambda generator, path: None)
+    trained(tmp_path, views="known", loss="wasserstein", discriminator_steps=2)
+    assert len(states) == len(set(states)) == 4 * 2 * 3
+    assert len(rows) == len(set(rows)) == 8
 
 
 @pytest.mark.parametrize("views", VIEWS)
