@@ -59,6 +59,7 @@ def die() -> None:
     raise Killed
 
 
+@pytest.mark.slow
 def test_ten_kills_with_sigkill(tmp_path: Path) -> None:
     script = Path(__file__).with_name("killing.py")
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
