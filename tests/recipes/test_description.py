@@ -62,7 +62,7 @@ CHANGES = [
     {"gamma": 2.0},
     {"solid": 0.2},
     {"starts": (0.5,)},
-    {"mirror": True},
+    {"mirror": False},
     {"precision": "bfloat16"},
     {"compile": True},
     {"checkpoint_every": 100},

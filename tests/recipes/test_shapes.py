@@ -186,7 +186,7 @@ def test_pictures_of_unknown_views(masks: Path) -> None:
 def test_views_that_fall_into_no_bin() -> None:
     latents = {"azimuth": torch.zeros(2), "elevation": torch.full((2,), 0.7)}
     high = Collection.from_tensor(torch.ones(2, 1, 16, 16), latents)
-    with pytest.raises(UserError, match="no known view falls into any bin"):
+    with pytest.raises(UserError, match="known view of 2 of 2 images lies outside every bin"):
         by_known_view(high, azimuth_bins(4))
 
 

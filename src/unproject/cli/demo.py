@@ -9,7 +9,7 @@ from .._types import UserError
 from ._machine import use_threads
 
 
-def run(*, out: Path = Path("demo"), minutes: float = 7.0, seed: int = 0, threads: int | None = None) -> None:
+def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, threads: int | None = None) -> None:
     """Learn chairs from 16000 unlabelled silhouettes, with no views and no shapes given, on this machine.
 
     Leaves in --out: silhouettes.png (what was learned from), chairs.png (a contact sheet of new chairs),

@@ -6,6 +6,8 @@ the numbers of one never killed, as long as the budget is in steps; a budget in 
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -94,8 +96,10 @@ class Loop:
         self.saved = state.counters.step if state.counters.step else -1
 
     def _compiled(self) -> Callable[[Tensor], Tensor]:
+        """The generator, compiled if that is asked for and can be done; torch needs a compiler on processors."""
         generator = self.state.generator
-        return torch.compile(generator) if self.recipe.compile else generator
+        possible = self.state.device.type == "cuda" or any(map(shutil.which, (os.environ.get("CXX", "g++"), "clang++")))
+        return torch.compile(generator) if self.recipe.compile and possible else generator
 
     def progress(self) -> float:
         """The part of the budget spent; by the leading process's clock, so that all processes agree."""
@@ -155,7 +159,7 @@ class Loop:
     def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
         state.discriminators.requires_grad_(True)
-        penalise = recipe.penalty is not None and draw % recipe.penalty.every == 0
+        penalise = recipe.penalty is not None and draw % recipe.penalty.every == recipe.penalty.every - 1
         total, smooth = torch.zeros((), device=state.device), torch.zeros((), device=state.device)
         for index, batch in enumerate(batches):
             with self._autocast():
