@@ -61,7 +61,7 @@ CHANGES = [
     {"rate": 1e-4},
     {"gamma": 2.0},
     {"solid": 0.2},
-    {"starts": (0.5,)},
+    {"rounds": 3},
     {"mirror": False},
     {"precision": "bfloat16"},
     {"compile": True},

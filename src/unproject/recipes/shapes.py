@@ -58,7 +58,7 @@ def shapes(
     rate: float = 2e-3,
     gamma: float = 1.0,
     solid: float = 0.1,
-    starts: tuple[float, ...] = (0.35, 0.55, 0.75),
+    rounds: int = 40,
     mirror: bool = True,
     precision: Literal["float32", "bfloat16"] = "float32",
     compile: bool = False,
@@ -85,7 +85,7 @@ def shapes(
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes.
-        starts: parts of the budget at which views are predicted anew.
+        rounds: how often views are predicted anew, evenly over the budget.
         mirror: make only shapes that are symmetric left to right, as most things are; turn it off for others.
         precision: of the networks.
         compile: use torch.compile.
@@ -105,7 +105,7 @@ def shapes(
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
-        assignment=Predicted(ViewPredictor, starts) if views == "predicted" else Known(),
+        assignment=little_and_often(rounds) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=4),
         regulariser=Solid(solid) if solid and views != "direct" else None,
@@ -202,6 +202,18 @@ def shapes_paper(
         seed=seed,
         checkpoint_every=checkpoint_every,
     )
+
+
+def little_and_often(rounds: int) -> Predicted:
+    """Many short rounds, each image's way drawn from what the predictor thinks of it: stochastic EM.
+
+    While the predictor knows little its draws are nearly random and training is PrGAN's; a few long rounds of
+    most probable ways instead lock in whatever the first, wrong shapes suggest.
+    """
+    if rounds < 1:
+        raise UserError(f"rounds={rounds}: give at least 1")
+    starts = tuple(0.05 + 0.93 * k / rounds for k in range(rounds))
+    return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior")
 
 
 def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:
