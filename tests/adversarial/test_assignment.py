@@ -14,6 +14,7 @@ from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.adversarial.assignment import (
     Predicted,
+    balanced,
     choose_ways,
     k_means,
     predict,
@@ -190,3 +191,13 @@ def test_wrong_settings_are_refused(wrong: dict[str, Any], message: str) -> None
 @pytest.mark.parametrize("starts", [(), (0.5,), (0.1, 0.2, 0.9)])
 def test_any_number_of_rounds(starts: tuple[float, ...]) -> None:
     assert Predicted(SMALL, starts).starts == starts
+
+
+def test_balanced_means_reach_their_target_and_rows_stay_probabilities() -> None:
+    p = torch.rand(200, 4, generator=generator_at(0)) * torch.tensor([8.0, 1.0, 1.0, 0.5])
+    p = p / p.sum(1, keepdim=True)
+    assert torch.allclose(balanced(p, 1.0).mean(0), torch.full((4,), 0.25), atol=1e-3)
+    half = p.mean(0).sqrt() / p.mean(0).sqrt().sum()
+    assert torch.allclose(balanced(p, 0.5).mean(0), half, atol=1e-3)
+    assert torch.allclose(balanced(p, 0.0), p, atol=1e-5)
+    assert torch.allclose(balanced(p, 0.7).sum(1), torch.ones(200))

@@ -45,6 +45,7 @@ class Predicted:
         restart: train the generator and the discriminator of round 1 from scratch, as the released code does.
         binarise: threshold images at ½ before the predictor sees them.
         fresh: train the predictor from scratch in every round.
+        balance: how far the estimated view distribution is drawn to the uniform one, 0 (not) to 1 (`balanced`).
 
     References:
         Li et al. 2019; schedule and clusters from the authors' released implementation.
@@ -61,6 +62,7 @@ class Predicted:
     restart: bool = False
     binarise: bool = False
     fresh: bool = False
+    balance: float = 0.0
 
     def __post_init__(self) -> None:
         if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
@@ -114,6 +116,20 @@ def predict(predictor: nn.Module, images: Tensor, binarise: bool = False, batch:
     images = (images > 0.5).to(images) if binarise else images
     device = next(predictor.parameters()).device
     return torch.cat([predictor(part.to(device)).softmax(1).cpu() for part in images.split(batch)])
+
+
+def balanced(probabilities: Tensor, balance: float, iterations: int = 50) -> Tensor:
+    """Rescale the columns of (N, ways) so that their means m become t ∝ m^(1 - balance); rows still sum to 1.
+
+    Sinkhorn's iteration. Left to itself the estimate runs away: views that are predicted often are generated
+    often, and then predicted more often still.
+    """
+    target = probabilities.mean(0).clamp_min(1e-6) ** (1 - balance)
+    target = target / target.sum()
+    for _ in range(iterations):
+        probabilities = probabilities * (target / probabilities.mean(0).clamp_min(1e-12))
+        probabilities = probabilities / probabilities.sum(1, keepdim=True)
+    return probabilities
 
 
 def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator) -> Tensor:

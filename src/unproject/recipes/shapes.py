@@ -59,6 +59,7 @@ def shapes(
     gamma: float = 1.0,
     solid: float = 0.1,
     rounds: int = 40,
+    balance: float = 0.8,
     mirror: bool = True,
     precision: Literal["float32", "bfloat16"] = "float32",
     compile: bool = False,
@@ -86,6 +87,8 @@ def shapes(
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes.
         rounds: how often views are predicted anew, evenly over the budget.
+        balance: how far predicted views are drawn to equal numbers from everywhere, 0 to 1; lower it if most of
+            your pictures were taken from one side.
         mirror: make only shapes that are symmetric left to right, as most things are; turn it off for others.
         precision: of the networks.
         compile: use torch.compile.
@@ -105,7 +108,7 @@ def shapes(
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
-        assignment=little_and_often(rounds) if views == "predicted" else Known(),
+        assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=4),
         regulariser=Solid(solid) if solid and views != "direct" else None,
@@ -204,16 +207,16 @@ def shapes_paper(
     )
 
 
-def little_and_often(rounds: int) -> Predicted:
+def little_and_often(rounds: int, balance: float) -> Predicted:
     """Many short rounds, each image's way drawn from what the predictor thinks of it: stochastic EM.
 
     While the predictor knows little its draws are nearly random and training is PrGAN's; a few long rounds of
     most probable ways instead lock in whatever the first, wrong shapes suggest.
     """
-    if rounds < 1:
-        raise UserError(f"rounds={rounds}: give at least 1")
+    if rounds < 1 or not 0 <= balance <= 1:
+        raise UserError(f"rounds={rounds}, balance={balance}: give at least 1 round and a balance of 0 to 1")
     starts = tuple(0.05 + 0.93 * k / rounds for k in range(rounds))
-    return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior")
+    return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance)
 
 
 def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:

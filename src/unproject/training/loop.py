@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..adversarial.assignment import Predicted, choose_ways, k_means, predict, train_predictor
+from ..adversarial.assignment import Predicted, balanced, choose_ways, k_means, predict, train_predictor
 from . import checkpoint, run_directory
 from .distribution import Distribution
 from .health import EVERY, Diverged, check, check_finite, diversity
@@ -217,6 +217,8 @@ class Loop:
         loss = train_predictor(state.predictor, *self._labelled(settings.images, seed), settings, seed, report)
         report(settings.steps, loss)
         probabilities = predict(state.predictor, panel.items, settings.binarise)
+        if settings.balance:
+            probabilities = balanced(probabilities, settings.balance)
         rng = generator_at(seed, 0, "choose")
         panel.ways = choose_ways(probabilities, settings.draw, rng)
         panel.heads = k_means(probabilities, settings.clusters, rng) if settings.clusters else panel.ways.clone()
