@@ -10,12 +10,13 @@ from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
 from unproject._types import UserError
 from unproject.adversarial.losses import Hinge
 from unproject.data import Collection
 from unproject.networks import LowRankGenerator
-from unproject.projections.base import Identity
+from unproject.projections.base import Identity, Projection
 from unproject.projections.observation import Observation
 from unproject.projections.priors import Bins, Empirical, Product, Uniform
 from unproject.recipes.shapes import shapes, shapes_paper
@@ -155,3 +156,14 @@ def test_the_learning_rate_falls_along_a_cosine() -> None:
     assert [adam.rate_at(p) for p in (0, 0.5, 1, 1.5)] == pytest.approx([4, 3, 2, 2])
     assert adam.rate_at(1 / 3) == pytest.approx(3.5)
     assert [Adam(rate=4.0).rate_at(p) for p in (0, 0.5, 1)] == [4, 4, 4]
+
+
+def test_an_operator_of_ones_own_is_described_with_its_attributes() -> None:
+    class Scaled(Projection):
+        def __init__(self, factor: float) -> None:
+            self.factor = factor
+
+        def forward(self, x: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+            return x * self.factor
+
+    assert describe(Scaled(2.0)) == describe(Scaled(2.0)) != describe(Scaled(3.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
@@ -123,7 +124,7 @@ def describe(value: Any) -> Any:
         return {str(key): describe(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):
         return [describe(part) for part in value]
-    if callable(value):
+    if inspect.isroutine(value) or isinstance(value, type):
         return {"call": full_name(value), "arguments": {}, "positional": []}
     return {"type": full_name(type(value)), **describe(vars(value))}
 
