@@ -22,7 +22,6 @@ from unproject.recipes import origin
 from unproject.recipes.shapes import shapes
 from unproject.training import load, train
 from unproject.training.evaluation import assigned_panel, evaluate
-from unproject.training.run_directory import environment
 
 COLUMNS = 12
 
@@ -50,7 +49,12 @@ def main() -> None:
         grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=COLUMNS
     )
     scores = evaluate(run, recipe, read(options.data, size=options.size), n=len(panel.items), seed=options.seed)
-    about = {"seed": options.seed, "steps": run.step, "minutes": options.minutes, "environment": environment()}
+    about = {
+        "seed": options.seed,
+        "steps": run.step,
+        "minutes": options.minutes,
+        "environment": json.loads((options.runs / "environment.json").read_text()),
+    }
     result = {**about, "scores": {name: asdict(score) for name, score in scores.items()}}
     (options.out / "birds.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
