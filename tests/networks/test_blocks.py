@@ -24,10 +24,10 @@ def test_other_sizes_are_refused(size: int) -> None:
         upsampling_levels(size)
 
 
-@pytest.mark.parametrize("dims", [1, 2])
-def test_a_vector_becomes_an_image_or_a_line(dims: int) -> None:
-    block = SmoothUpsampling(dims, inputs=5, channels=16, outputs=3, size=32)
-    assert block(torch.randn(2, 5)).shape == (2, 3, *[32] * dims)
+@pytest.mark.parametrize("shape", [(32,), (16,), (32, 32), (16, 32)])
+def test_a_vector_becomes_an_image_or_a_line(shape: tuple[int, ...]) -> None:
+    block = SmoothUpsampling(inputs=5, channels=16, outputs=3, shape=shape, levels=3)
+    assert block(torch.randn(2, 5)).shape == (2, 3, *shape)
 
 
 def arguments(heads: int = 6) -> tuple[Tensor, Tensor, Tensor]:

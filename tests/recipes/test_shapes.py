@@ -73,7 +73,7 @@ def test_direct_training(recipe: Callable[..., Recipe], volumes: Path) -> None:
 @pytest.mark.parametrize("views, solid", [("predicted", True), ("known", True), ("single", True), ("direct", False)])
 def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any, solid: bool, volumes: Path) -> None:
     made = shapes(data=volumes, views=views, solid=0.3, **SMALL)
-    assert made.regulariser == (Solid(0.3) if solid else None)
+    assert made.regulariser == (Solid(0.3, 0.03) if solid else None)
     assert shapes(data=volumes, views=views, solid=0.0, **SMALL).regulariser is None
 
 
@@ -116,7 +116,7 @@ def test_the_modern_choices(volumes: Path) -> None:
     generator = made.generator()
     assert isinstance(generator, LowRankGenerator) and generator.mirror
     assert generator.sample(1).shape == (1, 16, 16, 16)
-    assert (made.loss, made.penalty) == (Relativistic(), R1R2(3, every=4))
+    assert (made.loss, made.penalty) == (Relativistic(), R1R2(3, every=8))
     assert isinstance(made.assignment, Predicted) and len(made.assignment.starts) == 2
 
 

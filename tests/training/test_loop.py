@@ -93,6 +93,22 @@ def test_every_loss_trains(tmp_path: Path, settings: dict[str, Any]) -> None:
     assert all(p is not None for p in penalties) == (settings["loss"] == "wasserstein")
 
 
+def test_each_thing_is_looked_at_several_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two things a batch of four, each under two of the four ways of looking that the real images have."""
+    seen: list[tuple[Tensor, Tensor]] = []
+    look = Panel.look
+
+    def noted(panel: Panel, x: Tensor, way: Tensor, rng: torch.Generator) -> Tensor:
+        seen.append((x.detach().clone(), way))
+        return look(panel, x, way, rng)
+
+    monkeypatch.setattr(Panel, "look", noted)
+    trained(tmp_path, views="known", batch=4, looks_each=2, steps=2)
+    for x, way in seen:
+        assert torch.equal(x[0], x[1]) and torch.equal(x[2], x[3]) and not torch.equal(x[1], x[2])
+        assert len(way) == 4
+
+
 @pytest.mark.parametrize("views", VIEWS)
 @pytest.mark.parametrize("make", [shapes, shapes_paper])
 def test_the_recipes_of_the_package_train(

@@ -20,21 +20,21 @@ def upsampling_levels(size: int) -> int:
 
 
 class SmoothUpsampling(nn.Module):
-    """A vector to an image (dims=2) or a line (dims=1) of side `size`, by smooth doublings from 4.
+    """A vector to an image or a line of the sides `shape`, by `levels` smooth doublings.
 
     Each level convolves (3 taps an axis) before it interpolates linearly to the doubled side: smoother than a
     transposed convolution and cheaper, since the convolution works at the smaller side. Batch norm and ReLU
     follow, and a pointwise convolution ends it, so that edges can be sharper than the interpolation.
     """
 
-    def __init__(self, dims: int, inputs: int, channels: int, outputs: int, size: int) -> None:
+    def __init__(self, inputs: int, channels: int, outputs: int, shape: tuple[int, ...], levels: int) -> None:
         super().__init__()
+        dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
         norm = nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d
-        levels = upsampling_levels(size)
         widths = [channels, *[max(channels // 2**i, outputs // 2, 8) for i in range(1, levels + 1)]]
         self.mode = "bilinear" if dims == 2 else "linear"
-        self.shape = (channels, *[4] * dims)
+        self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
         self.norms = nn.ModuleList([norm(width) for width in widths])
         self.levels = nn.ModuleList(

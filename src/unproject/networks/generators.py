@@ -134,6 +134,7 @@ class LowRankGenerator(Generator):
 
     Args:
         size: side of the volume, 4·2^k.
+        mirror: generate the left half only and reflect it; that costs a third less.
         rank: number of products per axis.
         bias: b at the start; negative, so that training starts from nearly transparent volumes: an opaque
             one has no gradient, every ray being saturated.
@@ -159,12 +160,14 @@ class LowRankGenerator(Generator):
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
-        self.planes = nn.ModuleList([SmoothUpsampling(2, hidden, channels, rank, size) for _ in range(3)])
-        self.lines = nn.ModuleList([SmoothUpsampling(1, hidden, channels, rank, size) for _ in range(3)])
+        levels, width = upsampling_levels(size), size // 2 if mirror else size
+        planes, lines = ((width, size), (size, size), (width, size)), ((size,), (width,), (size,))
+        self.planes = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in planes])
+        self.lines = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in lines])
         self.bias = nn.Parameter(torch.tensor(float(bias)))
 
     def logits(self, code: Tensor) -> Tensor:
-        """The logit of occupancy, (B, X, Y, Z)."""
+        """The logit of occupancy, (B, X, Y, Z), or of the left half of it with `mirror`."""
         hidden = self.mapping(code)
         xz, zy, xy = (plane(hidden) for plane in self.planes)
         along_y, along_x, along_z = (line(hidden) for line in self.lines)
@@ -172,9 +175,8 @@ class LowRankGenerator(Generator):
         total = torch.bmm(xz.flatten(2).transpose(1, 2), along_y).unflatten(1, xz.shape[2:])
         total = total + torch.bmm(along_x.transpose(1, 2), zy.flatten(2)).unflatten(2, zy.shape[2:])
         total = total + along_z.transpose(1, 2)[:, None] @ xy.transpose(1, 2)
-        if self.mirror:
-            total = (total + total.flip(1)) / 2
         return (total * self.scale + self.bias).transpose(2, 3)
 
     def forward(self, code: Tensor) -> Tensor:
-        return torch.sigmoid(self.logits(code))
+        x = torch.sigmoid(self.logits(code))
+        return torch.cat([x, x.flip(1)], 1) if self.mirror else x

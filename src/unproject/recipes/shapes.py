@@ -51,12 +51,13 @@ def shapes(
     steps: int | None = None,
     minutes: float | None = None,
     seed: int = 0,
-    batch: int = 64,
+    batch: int = 32,
+    looks_each: int = 2,
     channels: int = 128,
     rank: int = 32,
     density: float = 2.0,
-    rate: float = 2e-3,
-    gamma: float = 1.0,
+    rate: float = 1.5e-3,
+    gamma: float = 0.1,
     solid: float = 0.1,
     rounds: int = 40,
     balance: float = 0.8,
@@ -80,12 +81,13 @@ def shapes(
         minutes: budget in minutes of the clock.
         seed: of the weights, of every draw, and of the rendered silhouettes.
         batch: images an update.
+        looks_each: silhouettes an update of each generated shape.
         channels: width of the generator.
         rank: plane-line products an axis.
         density: what one full voxel stops is 1 - exp(-density).
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2.
-        solid: weight of the preference for full volumes.
+        solid: weight of the preference for full volumes at the start; it falls to a tenth along a line.
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far predicted views are drawn to equal numbers from everywhere, 0 to 1; lower it if most of
             your pictures were taken from one side.
@@ -110,11 +112,12 @@ def shapes(
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
         assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
         loss=Relativistic(),
-        penalty=R1R2(gamma, every=4),
-        regulariser=Solid(solid) if solid and views != "direct" else None,
+        penalty=R1R2(gamma, every=8),
+        regulariser=Solid(solid, solid / 10) if solid and views != "direct" else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=batch,
+        looks_each=1 if views == "direct" else looks_each,
         steps=4000 if steps is None and minutes is None else steps,
         minutes=minutes,
         seed=seed,

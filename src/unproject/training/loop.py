@@ -116,7 +116,7 @@ class Loop:
             if due > counters.round:
                 self.assign(assignment, due)
         self._set_rates(progress)
-        losses, real, fake = self._step()
+        losses, real, fake = self._step(progress)
         counters.step += 1
         self.state.update_average(self.recipe.half_life)
         counters.seconds = time.monotonic() - self.began
@@ -129,7 +129,7 @@ class Loop:
         if counters.step % self.recipe.checkpoint_every == 0:
             self.save()
 
-    def _step(self) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+    def _step(self, progress: float) -> tuple[dict[str, Tensor], Tensor, Tensor]:
         """`discriminator_steps` updates of the discriminators and one of the generator."""
         recipe, state = self.recipe, self.state
         losses: dict[str, Tensor] = {}
@@ -140,12 +140,13 @@ class Loop:
                 x = self._generate(draw)
             batches = [self._batch(panel, x, draw, index, last) for index, panel in enumerate(state.panels)]
             losses |= self._update_discriminators(batches, draw)
-        losses["loss_g"] = self._update_generator(x, batches)
+        losses["loss_g"] = self._update_generator(x, batches, progress)
         return losses, batches[0].real, batches[0].fake.detach()
 
     def _generate(self, draw: int) -> Tensor:
         rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")
-        code = self.state.generator.draw(self.recipe.batch, rng).to(self.state.device)
+        things = self.recipe.batch // self.recipe.looks_each
+        code = self.state.generator.draw(things, rng).to(self.state.device)
         with self._autocast():
             return self.forward(code).float()
 
@@ -153,7 +154,8 @@ class Loop:
         recipe, ranks = self.recipe, self.distribution
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         with torch.set_grad_enabled(differentiable):
-            fake = panel.look(x, panel.ways[rows], panel_rng(recipe.seed, draw, index, ranks.rank))
+            seen = x.repeat_interleave(recipe.looks_each, 0)
+            fake = panel.look(seen, panel.ways[rows], panel_rng(recipe.seed, draw, index, ranks.rank))
         return Batch(panel, panel.items[rows].to(fake), fake, panel.heads[rows].to(fake.device))
 
     def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
@@ -174,7 +176,7 @@ class Loop:
         self._apply(state.discriminators, state.discriminator_optimiser, total + smooth)
         return {"loss_d": total.detach()} | ({"penalty": smooth.detach()} if penalise else {})
 
-    def _update_generator(self, x: Tensor, batches: list[Batch]) -> Tensor:
+    def _update_generator(self, x: Tensor, batches: list[Batch], progress: float) -> Tensor:
         # The discriminators' own gradients are not wanted here; skipping them saves a third of the pass.
         self.state.discriminators.requires_grad_(False)
         total = torch.zeros((), device=self.state.device)
@@ -182,7 +184,7 @@ class Loop:
             with self._autocast():
                 fake = batch.judge(batch.fake)
             total = total + self.recipe.loss.generator(batch.real_logits, fake.float())
-        extra = self.recipe.regulariser(x) if self.recipe.regulariser else 0.0
+        extra = self.recipe.regulariser(x, progress) if self.recipe.regulariser else 0.0
         self._apply(self.state.generator, self.state.generator_optimiser, total + extra)
         return total.detach()
 

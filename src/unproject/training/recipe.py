@@ -49,8 +49,10 @@ class Recipe:
         looks: pairs of an observation and the collection of what it saw. With `Predicted`, every observation
             stands beside the same collection. An observation with the `Identity` projection is direct training.
         discriminator: (shape of one image, number of heads) → discriminator.
-        regulariser: a term of the generator's loss, a function of x itself.
+        regulariser: a term of the generator's loss, a function of x itself and of the part of the budget spent.
         discriminator_steps: discriminator updates a generator update.
+        batch: images an update.
+        looks_each: how often each generated thing is looked at in an update, which needs batch / looks_each things.
         half_life: of the averaged weights, in steps.
         steps, minutes: the budget; the run ends when either is spent. Give at least one.
         precision: "bfloat16" runs the networks under autocast.
@@ -66,9 +68,10 @@ class Recipe:
     penalty: Penalty | None = field(default_factory=R1R2)
     generator_optimiser: Adam = field(default_factory=Adam)
     discriminator_optimiser: Adam = field(default_factory=Adam)
-    regulariser: Callable[[Tensor], Tensor] | None = None
+    regulariser: Callable[[Tensor, float], Tensor] | None = None
     discriminator_steps: int = 1
     batch: int = 64
+    looks_each: int = 1
     half_life: float = 300.0
     steps: int | None = None
     minutes: float | None = None
@@ -80,9 +83,11 @@ class Recipe:
     def __post_init__(self) -> None:
         if not self.looks:
             raise UserError("the recipe has no looks: give at least one (observation, collection)")
-        for name in ("batch", "discriminator_steps", "checkpoint_every"):
+        for name in ("batch", "looks_each", "discriminator_steps", "checkpoint_every"):
             if getattr(self, name) < 1:
                 raise UserError(f"{name}={getattr(self, name)}: must be at least 1")
+        if self.batch % self.looks_each:
+            raise UserError(f"batch={self.batch}: must be a multiple of looks_each={self.looks_each}")
         for name in ("steps", "minutes"):
             value = getattr(self, name)
             if value is not None and not (value > 0 and math.isfinite(value)):
