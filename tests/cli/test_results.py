@@ -80,7 +80,7 @@ def test_a_run_of_the_package_needs_no_trust(
 ) -> None:
     monkeypatch.setattr("unproject.recipes.shapes.EMBEDDED_CHAIRS", 4)
     run = tmp_path / "run"
-    small = ["--size", "16", "--bins", "2", "--looks-per-shape", "2", "--channels", "8", "--rank", "2", "--batch", "2"]
+    small = ["--size", "16", "--bins", "2", "--looks-per-shape", "2", "--channels", "8", "--rank", "2", "--batch", "4"]
     flags = ["--views", "known", "--steps", "1", "--quiet"]
     assert main(["train", "shapes", *small, *flags, "--out", str(run)]) == 0
     assert main(["resume", str(run), "--steps", "2", "--quiet"]) == 0

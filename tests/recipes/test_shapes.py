@@ -102,6 +102,13 @@ def test_bands_of_elevation(recipe: Callable[..., Recipe], volumes: Path) -> Non
     assert observation.prior.contains(asked).tolist() == [True, True, False]
 
 
+@pytest.mark.parametrize("views", ["predicted", "known", "single", "direct"])
+def test_flips_double_what_is_learned_from(views: Any, volumes: Path) -> None:
+    plain, doubled = (shapes(data=volumes, views=views, flips=flips, **SMALL) for flips in (False, True))
+    counts = [len(build_panels(made)[0].items) for made in (plain, doubled)]
+    assert counts[1] == 2 * counts[0]
+
+
 @pytest.mark.parametrize("wrong", [{"bins": 0}, {"bands": 0}], ids=str)
 def test_no_bins_are_refused(wrong: dict[str, int], volumes: Path) -> None:
     with pytest.raises(UserError, match="give at least one of each"):

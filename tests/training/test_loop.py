@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import torch
 from comparing import differences, final, stats
+from torch import Tensor
 from toy import BINS, CHAIRS, SIZE, Layer, toy
 
 from unproject._types import UserError
@@ -115,7 +116,7 @@ def test_the_recipes_of_the_package_train(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Recipe], views: str
 ) -> None:
     monkeypatch.setattr(shapes_module, "EMBEDDED_CHAIRS", 8)
-    recipe = make(views=views, size=16, bins=2, looks_per_shape=2, channels=8, batch=2, steps=2)
+    recipe = make(views=views, size=16, bins=2, looks_per_shape=2, channels=8, batch=4, steps=2)
     assert isinstance(recipe.discriminator, partial)
     recipe = recipe.replace(discriminator=partial(recipe.discriminator, channels=4))
     if views == "predicted":

@@ -2,6 +2,7 @@
 
 from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .collection import Collection, read, read_shapes
+from .flips import with_flips
 from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
 from .rendered import render_silhouettes
@@ -28,4 +29,5 @@ __all__ = [
     "read",
     "read_shapes",
     "render_silhouettes",
+    "with_flips",
 ]

@@ -24,7 +24,8 @@ class SmoothUpsampling(nn.Module):
 
     Each level convolves (3 taps an axis) before it interpolates linearly to the doubled side: smoother than a
     transposed convolution and cheaper, since the convolution works at the smaller side. Batch norm and ReLU
-    follow, and a pointwise convolution ends it, so that edges can be sharper than the interpolation.
+    follow, and a last convolution works at the full side, so that edges can be sharper than the interpolation.
+    Channels halve with every level, but never below those of the output: narrower ones cannot tell thin parts apart.
     """
 
     def __init__(self, inputs: int, channels: int, outputs: int, shape: tuple[int, ...], levels: int) -> None:
@@ -32,7 +33,7 @@ class SmoothUpsampling(nn.Module):
         dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
         norm = nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d
-        widths = [channels, *[max(channels // 2**i, outputs // 2, 8) for i in range(1, levels + 1)]]
+        widths = [max(channels // 2**i, outputs) for i in range(levels + 1)]
         self.mode = "bilinear" if dims == 2 else "linear"
         self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
@@ -40,7 +41,7 @@ class SmoothUpsampling(nn.Module):
         self.levels = nn.ModuleList(
             [convolution(a, b, 3, padding=1, bias=False) for a, b in zip(widths, widths[1:], strict=False)]
         )
-        self.last = convolution(widths[-1], outputs, 1)
+        self.last = convolution(widths[-1], outputs, 3, padding=1)
 
     def forward(self, hidden: Tensor) -> Tensor:
         x = self.start(hidden).view(len(hidden), *self.shape)

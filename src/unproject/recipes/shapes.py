@@ -27,7 +27,7 @@ from ..adversarial.assignment import Known, Predicted
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..adversarial.regularisers import Solid
-from ..data import Collection, chairs, read, render_silhouettes
+from ..data import Collection, chairs, read, render_silhouettes, with_flips
 from ..networks import Discriminator, LowRankGenerator, ViewPredictor, VoxelGenerator
 from ..projections.base import Identity
 from ..projections.observation import Observation
@@ -48,11 +48,12 @@ def shapes(
     bands: int = 1,
     looks_per_shape: int = 16,
     binary: bool = False,
+    flips: bool = False,
     steps: int | None = None,
     minutes: float | None = None,
     seed: int = 0,
-    batch: int = 32,
-    looks_each: int = 2,
+    batch: int = 48,
+    looks_each: int = 4,
     channels: int = 128,
     rank: int = 32,
     density: float = 2.0,
@@ -77,6 +78,7 @@ def shapes(
         bands: times this many bands of elevation, 15° each, centred on the horizon; 1: all at elevation 0.
         looks_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: cut rendered silhouettes at one half.
+        flips: learn from the mirror images of the pictures too; for small collections.
         steps: budget in steps; 4000 if neither steps nor minutes is given.
         minutes: budget in minutes of the clock.
         seed: of the weights, of every draw, and of the rendered silhouettes.
@@ -109,7 +111,7 @@ def shapes(
             bottleneck=256,
             volumetric=views == "direct",
         ),
-        looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
+        looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed, flips),
         assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
@@ -230,7 +232,13 @@ def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Obse
 
 
 def look_at(
-    data: Path | None, views: Views, ways: tuple[Observation, ...], looks_per_shape: int, binary: bool, seed: int
+    data: Path | None,
+    views: Views,
+    ways: tuple[Observation, ...],
+    looks_per_shape: int,
+    binary: bool,
+    seed: int,
+    flips: bool = False,
 ) -> Looks:
     """Pair observations with what `data` has to offer them; see the table at the top of the module."""
     silhouette = ways[0].projection
@@ -243,10 +251,12 @@ def look_at(
             raise UserError(
                 f"{collection.source}: direct training needs volumes; give a 3-D collection or other --views"
             )
-        return [(Observation("volume", Identity(), Product()), collection)]
+        volumes = with_flips(collection) if flips else collection
+        return [(Observation("volume", Identity(), Product()), volumes)]
     if volumetric:
         where = derived_seed(seed, 0, "silhouettes")
         collection = render_silhouettes(collection, ways, looks_per_shape, where, binary=binary)
+    collection = with_flips(collection) if flips else collection
     if views == "single":
         anywhere = Observation("anywhere", silhouette, Mixture([way.prior for way in ways]))
         return [(anywhere, collection)]
