@@ -32,12 +32,14 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--size", type=int, default=64)
+    parser.add_argument("--balance", type=float, default=0.5, help="most birds were photographed from the side")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--runs", type=Path, default=Path("runs/birds"))
     parser.add_argument("--out", type=Path, default=Path("docs/results/birds"))
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    arguments = {"data": options.data, "size": options.size, "minutes": options.minutes, "seed": options.seed}
+    budget = {"minutes": options.minutes, "seed": options.seed}
+    arguments = {"data": options.data, "size": options.size, "flips": True, "balance": options.balance, **budget}
     recipe = shapes(**arguments)
     if not (options.runs / "recipe.json").exists():
         train(recipe, options.runs, origin=origin("shapes", arguments), quiet=True)
@@ -48,7 +50,8 @@ def main() -> None:
     export.silhouette_sheet(
         grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=COLUMNS
     )
-    scores = evaluate(run, recipe, read(options.data, size=options.size), n=len(panel.items), seed=options.seed)
+    masks = read(options.data, size=options.size)
+    scores = evaluate(run, recipe, masks, n=len(masks), seed=options.seed)
     about = {
         "seed": options.seed,
         "steps": run.step,
