@@ -39,7 +39,9 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     budget = {"minutes": options.minutes, "seed": options.seed}
-    arguments = {"data": options.data, "size": options.size, "flips": True, "balance": options.balance, **budget}
+    # At 64³ a round costs as much as ten steps.
+    how = {"flips": True, "balance": options.balance, "rounds": 12, "batch": 24}
+    arguments = {"data": options.data, "size": options.size, **how, **budget}
     recipe = shapes(**arguments)
     if not (options.runs / "recipe.json").exists():
         train(recipe, options.runs, origin=origin("shapes", arguments), quiet=True)
