@@ -33,7 +33,7 @@ class SmoothUpsampling(nn.Module):
         dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
         norm = nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d
-        widths = [max(channels // 2**i, outputs) for i in range(levels + 1)]
+        widths = [channels, *[max(channels // 2**i, outputs) for i in range(1, levels + 1)]]
         self.mode = "bilinear" if dims == 2 else "linear"
         self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
