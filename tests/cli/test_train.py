@@ -113,10 +113,10 @@ def test_a_new_budget_takes_the_place_of_the_old(tmp_path: Path) -> None:
 def test_ctrl_c_is_not_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     step, calls = loop.Loop._step, iter(range(1, 100))
 
-    def interrupted(self: loop.Loop) -> object:
+    def interrupted(self: loop.Loop, progress: float) -> object:
         if next(calls) == 2:
             signal.raise_signal(signal.SIGINT)
-        return step(self)
+        return step(self, progress)
 
     monkeypatch.setattr(loop.Loop, "_step", interrupted)
     run = tmp_path / "run"

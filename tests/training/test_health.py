@@ -27,9 +27,9 @@ def breaking(monkeypatch: pytest.MonkeyPatch, *steps: int, where: str = "weights
     """Training turns NaN at these steps, counted as taken, so that a repeated step is another one."""
     step, taken = Loop._step, 0
 
-    def broken(self: Loop) -> object:
+    def broken(self: Loop, progress: float) -> object:
         nonlocal taken
-        losses, real, fake = step(self)
+        losses, real, fake = step(self, progress)
         taken += 1
         if taken in steps and where == "weights":
             with torch.no_grad():
@@ -100,10 +100,10 @@ def test_a_rescued_run_that_is_stopped_keeps_its_log(tmp_path: Path, monkeypatch
     breaking(monkeypatch, 8)
     step, calls = Loop._step, iter(range(1, 100))
 
-    def stopped(self: Loop) -> object:
+    def stopped(self: Loop, progress: float) -> object:
         if next(calls) == 9:
             signal.raise_signal(signal.SIGINT)
-        return step(self)
+        return step(self, progress)
 
     monkeypatch.setattr(Loop, "_step", stopped)
     assert train(recipe, tmp_path / "stopped", quiet=True).step == 5
