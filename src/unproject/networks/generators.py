@@ -66,7 +66,11 @@ class Generator(nn.Module, ABC):
 
 def reflect_half(x: Tensor) -> Tensor:
     """The left-right symmetric volume whose left half is that of x (B, X, Y, Z), X even."""
-    left = x[:, : x.shape[1] // 2]
+    return reflect(x[:, : x.shape[1] // 2])
+
+
+def reflect(left: Tensor) -> Tensor:
+    """The volume whose left half is `left` (B, X/2, Y, Z) and whose right half is its mirror image."""
     return torch.cat([left, left.flip(1)], 1)
 
 
@@ -179,4 +183,4 @@ class LowRankGenerator(Generator):
 
     def forward(self, code: Tensor) -> Tensor:
         x = torch.sigmoid(self.logits(code))
-        return torch.cat([x, x.flip(1)], 1) if self.mirror else x
+        return reflect(x) if self.mirror else x

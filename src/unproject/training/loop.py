@@ -138,7 +138,8 @@ class Loop:
             last = i == recipe.discriminator_steps - 1
             with torch.set_grad_enabled(last):
                 x = self._generate(draw)
-            batches = [self._batch(panel, x, draw, index, last) for index, panel in enumerate(state.panels)]
+            seen = x.repeat_interleave(recipe.looks_each, 0) if recipe.looks_each > 1 else x
+            batches = [self._batch(panel, seen, draw, index, last) for index, panel in enumerate(state.panels)]
             losses |= self._update_discriminators(batches, draw)
         losses["loss_g"] = self._update_generator(x, batches, progress)
         return losses, batches[0].real, batches[0].fake.detach()
@@ -154,8 +155,7 @@ class Loop:
         recipe, ranks = self.recipe, self.distribution
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         with torch.set_grad_enabled(differentiable):
-            seen = x.repeat_interleave(recipe.looks_each, 0)
-            fake = panel.look(seen, panel.ways[rows], panel_rng(recipe.seed, draw, index, ranks.rank))
+            fake = panel.look(x, panel.ways[rows], panel_rng(recipe.seed, draw, index, ranks.rank))
         return Batch(panel, panel.items[rows].to(fake), fake, panel.heads[rows].to(fake.device))
 
     def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
