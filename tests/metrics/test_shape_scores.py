@@ -9,7 +9,8 @@ from unproject._types import UserError
 from unproject.metrics.gauge import Gauge, apply
 from unproject.metrics.shape_scores import shape_scores
 
-NAMES = {f"{score}_{distance}" for score in ("mmd", "cov", "1nna") for distance in ("iou", "chamfer")}
+SCORES = ("mmd_{}", "cov_{}", "mmd_{}_equal", "cov_{}_equal", "1nna_{}")
+NAMES = {score.format(distance) for score in SCORES for distance in ("iou", "chamfer")}
 
 
 def bar(*positions, side=8):
@@ -28,6 +29,9 @@ def test_scores_by_hand_as_the_shapes_stand():
     assert scores["mmd_iou"].value == 0.5
     assert scores["cov_iou"].value == 0.5
     assert scores["1nna_iou"].value == 0.25
+    # Two of three: (0, 1) and (1, 2) leave the least 0 and 1 of the columns, (0, 2) too.
+    assert (scores["mmd_iou_equal"].value, scores["cov_iou_equal"].value) == (0.5, 0.5)
+    assert "all choices of 2 of 3 generated vs 2 reference" in scores["mmd_iou_equal"].protocol
     assert (scores["mmd_iou"].n, scores["1nna_iou"].n) == (3, 2)
     assert set(scores) == NAMES | {"empty"}
 

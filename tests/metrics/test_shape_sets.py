@@ -1,3 +1,5 @@
+import itertools
+
 import pytest
 import torch
 
@@ -29,6 +31,37 @@ def test_coverage_by_hand():
     # rows are 0 and 2, two of three.)
     assert coverage(D) == 0.5
     assert coverage(D.T) == pytest.approx(2 / 3)
+
+
+def test_two_of_three_by_hand():
+    # Pairs of rows of D: (0, 1) least 1, 5; (0, 2) least 1, 4; (1, 2) least 2, 4: mean 17 / 6. All rows are nearest
+    # to column 0, so any pair covers one of two. Of D.T each row alone: mean least (1 + 2 + 3 + 5 + 9 + 4) / 6 = 4.
+    assert minimum_matching_distance(D, 2) == pytest.approx(17 / 6)
+    assert coverage(D, 2) == 0.5
+    assert minimum_matching_distance(D.T, 1) == pytest.approx(4)
+    assert coverage(D.T, 1) == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize("size", range(1, 7))
+def test_a_size_is_the_mean_over_all_choices(size):
+    d = torch.rand(6, 4, generator=generator_at(0))
+    choices = [d[list(rows)] for rows in itertools.combinations(range(6), size)]
+    expected = [
+        sum(score(choice) for choice in choices) / len(choices) for score in (minimum_matching_distance, coverage)
+    ]
+    assert [minimum_matching_distance(d, size), coverage(d, size)] == pytest.approx(expected)
+
+
+def test_large_sets_do_not_overflow():
+    d = torch.arange(3000.0).repeat(2, 1).T  # the least of 1500 of 0..2999 is (3000 - 1500) / 1501 on average
+    assert minimum_matching_distance(d, 1500) == pytest.approx(1500 / 1501, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [0, 4])
+def test_more_than_there_are(size):
+    for score in (minimum_matching_distance, coverage):
+        with pytest.raises(UserError, match="3 generated"):
+            score(D, size)
 
 
 def test_1nna_by_hand():

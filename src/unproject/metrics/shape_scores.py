@@ -33,9 +33,10 @@ def shape_scores(
 ) -> dict[str, Score]:
     """How near generated volumes are to reference volumes.
 
-    MMD and COV use the sets whole; 1-NNA draws as many from the larger set as the smaller one has, because it is
-    0.5 at best only for equal sizes. Sizes matter to all three, so they are part of the protocol: score a
-    baseline, such as the training set itself, with as many shapes.
+    Sizes matter to all of them, so they are part of the protocol: score a baseline, such as the training set
+    itself, with as many shapes. MMD and COV come twice: of the sets whole, and of equal sizes as the literature has
+    them, there as the mean over all choices of so many of the generated shapes. 1-NNA draws as many from the
+    larger set as the smaller one has, because it is 0.5 at best only for equal sizes.
 
     Args:
         generated: (G, N, N, N) in [0, 1].
@@ -48,8 +49,8 @@ def shape_scores(
         seed: of the surface points and of what is drawn from larger sets.
 
     Returns:
-        `mmd_iou`, `cov_iou`, `1nna_iou`, `mmd_chamfer`, `cov_chamfer`, `1nna_chamfer`; `empty`, the share of
-        generated volumes with nothing above 0.5; and, unless bins is None, `gauge_turn` (in bins) and
+        `mmd_iou`, `cov_iou`, `mmd_iou_equal`, `cov_iou_equal`, `1nna_iou`, and the same of `chamfer`; `empty`, the
+        share of generated volumes with nothing above 0.5; and, unless bins is None, `gauge_turn` (in bins) and
         `gauge_reflected` (0 or 1), what was applied to the generated set.
 
     Raises:
@@ -81,7 +82,7 @@ def set_scores(
     setting: str,
     seed: int = 0,
 ) -> dict[str, Score]:
-    """`mmd_NAME`, `cov_NAME` and `1nna_NAME` of two sets under one distance.
+    """`mmd_NAME`, `cov_NAME`, both again with `_equal`, and `1nna_NAME` of two sets under one distance.
 
     `setting` ends the protocol "mmd(" and has two `{}` for the sizes of the sets.
     """
@@ -95,9 +96,12 @@ def set_scores(
         distance(reference[columns], reference[columns]),
     )
     whole, equal = setting.format(count, references), setting.format(least, least)
+    choices = setting.format(f"all choices of {least} of {count}", references)
     return {
         f"mmd_{name}": Score(minimum_matching_distance(across), f"mmd({whole}", count, seed),
         f"cov_{name}": Score(coverage(across), f"cov({whole}", count, seed),
+        f"mmd_{name}_equal": Score(minimum_matching_distance(across, least), f"mmd({choices}", count, seed),
+        f"cov_{name}_equal": Score(coverage(across, least), f"cov({choices}", count, seed),
         f"1nna_{name}": Score(accuracy, f"1nna({equal}", least, seed),
     }
 

@@ -7,6 +7,12 @@ D is (generated, reference). With G generated and R reference items:
     1-NNA = leave-one-out accuracy of a nearest-neighbour classifier of generated against reference:
             0.5 if the sets cannot be told apart, 1 if they are separate (below 0.5: copies of the reference).
 
+MMD falls and COV grows with G. Given a `size`, both are their means over all choices of that many of the generated
+items, exactly and without drawing any. With C(n, k) choices of k in n, d_(k) the k-th least of a column of D, and G_r
+the number of generated items whose nearest reference is r:
+
+    MMD = 1/R Σ_r Σ_k d_(k) C(G - k, size - 1) / C(G, size)        COV = 1/R Σ_r 1 - C(G - G_r, size) / C(G, size)
+
 References:
     Achlioptas et al., Learning Representations and Generative Models for 3D Point Clouds, ICML 2018 (MMD, COV).
     Lopez-Paz & Oquab, Revisiting Classifier Two-Sample Tests, ICLR 2017 (1-NNA), as in PointFlow, ICCV 2019.
@@ -20,20 +26,29 @@ from torch import Tensor
 from .._types import UserError
 
 
-def minimum_matching_distance(distance: Tensor) -> float:
-    """Mean over references (columns) of the least distance to anything generated (rows); lower is better."""
-    _check_matrix(distance)
-    return distance.amin(0).mean().item()
+def minimum_matching_distance(distance: Tensor, size: int | None = None) -> float:
+    """Mean over references (columns) of the least distance to anything generated (rows); lower is better.
+
+    Args:
+        size: of the generated set; the mean over all choices of so many rows. All of them if None.
+    """
+    count = _check_size(distance, size)
+    least = torch.arange(1, len(distance) + 1)
+    chance = _chance(len(distance) - least, count - 1, len(distance), count).to(distance.device)
+    return (chance @ distance.double().sort(0).values).mean().item()
 
 
-def coverage(distance: Tensor) -> float:
+def coverage(distance: Tensor, size: int | None = None) -> float:
     """Share of references (columns) that are the nearest one of some generated item (row); higher is better.
 
-    Of equally near references the first counts. It grows with the number of generated items: compare only
-    sets of the same sizes.
+    Of equally near references the first counts.
+
+    Args:
+        size: of the generated set; the mean over all choices of so many rows. All of them if None.
     """
-    _check_matrix(distance)
-    return distance.argmin(1).unique().numel() / distance.shape[1]
+    count = _check_size(distance, size)
+    nearest = torch.bincount(distance.argmin(1).cpu(), minlength=distance.shape[1])
+    return 1 - _chance(len(distance) - nearest, count, len(distance), count).mean().item()
 
 
 def one_nearest_neighbour_accuracy(d_gg: Tensor, d_gr: Tensor, d_rr: Tensor) -> float:
@@ -66,3 +81,22 @@ def _nearest_other(distance: Tensor) -> Tensor:
 def _check_matrix(distance: Tensor) -> None:
     if distance.ndim != 2 or distance.numel() == 0:
         raise UserError(f"distances of shape {tuple(distance.shape)}: both sets need at least one item to be scored")
+
+
+def _check_size(distance: Tensor, size: int | None) -> int:
+    _check_matrix(distance)
+    count = len(distance) if size is None else size
+    if not 1 <= count <= len(distance):
+        raise UserError(f"scores of sets of {count}: there are {len(distance)} generated items; choose 1 to that many")
+    return count
+
+
+def _chance(n: Tensor, k: int, total: int, size: int) -> Tensor:
+    """C(n, k) / C(total, size), 0 where k > n."""
+
+    def log_choices(n: Tensor, k: int) -> Tensor:
+        n = n.double()
+        return (n + 1).lgamma() - torch.tensor(k + 1.0).double().lgamma() - (n - k + 1).lgamma()
+
+    chance = (log_choices(n, k) - log_choices(torch.tensor(total), size)).exp()
+    return torch.where(n < k, 0.0, chance)
