@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from unproject._types import UserError
-from unproject.networks.blocks import HeadConv, SmoothUpsampling, grouped_linear, upsampling_levels
+from unproject.networks.blocks import HeadConv, ModulatedNorm, SmoothUpsampling, grouped_linear, upsampling_levels
 
 HEAD = torch.tensor([2, 0, 2, 2, 5, 0])
 
@@ -28,6 +28,28 @@ def test_other_sizes_are_refused(size: int) -> None:
 def test_a_vector_becomes_an_image_or_a_line(shape: tuple[int, ...]) -> None:
     block = SmoothUpsampling(inputs=5, channels=16, outputs=3, shape=shape, levels=3)
     assert block(torch.randn(2, 5)).shape == (2, 3, *shape)
+
+
+def test_modulated_norm_by_hand() -> None:
+    # The channel 1, 3 | 5, 7 has mean 4 and variance 5. With h = 2, A = 1 and B = 10: (1 + 2) norm(x) + 20.
+    norm = ModulatedNorm(inputs=1, channels=1, dims=1)
+    with torch.no_grad():
+        norm.modulation.weight.copy_(torch.tensor([[1.0], [10.0]]))
+    x = torch.tensor([[[1.0, 3]], [[5.0, 7]]])
+    y = norm(x, torch.tensor([[2.0], [0.0]]))
+    expected = (x - 4) / 5**0.5
+    torch.testing.assert_close(y[0], 3 * expected[0] + 20, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(y[1], expected[1], rtol=1e-4, atol=1e-4)
+
+
+def test_the_vector_is_heard_at_every_level() -> None:
+    block = SmoothUpsampling(inputs=5, channels=8, outputs=3, shape=(16,), levels=2).eval()
+    hidden = torch.randn(2, 5)
+    for norm in block.norms:
+        with torch.no_grad():
+            before = block(hidden)
+            norm.modulation.weight.mul_(2)
+        assert (block(hidden) - before).abs().max() > 1e-4
 
 
 def arguments(heads: int = 6) -> tuple[Tensor, Tensor, Tensor]:

@@ -36,6 +36,8 @@ LAYOUTS = [
     {"shared": 2},
     {"shared": 0},
     {"shared": 4, "bottleneck": 5},
+    {"shared": 4, "common": True},
+    {"shared": 2, "bottleneck": 5, "common": True},
     {"shared": 2, "spectral": True},
 ]
 
@@ -87,6 +89,14 @@ def test_four_blocks_of_which_the_first_are_shared(shared: int) -> None:
     model = build(shared=shared)
     assert (len(model.shared), len(model.own)) == (shared, 4 - shared)
     assert all(isinstance(block, HeadConv) and len(block.weight) == 3 for block in model.own)
+
+
+def test_heads_start_as_one_that_all_share() -> None:
+    model = build(shared=4, common=True)
+    start = [model(images(), torch.full((7,), head)) for head in range(3)]
+    assert torch.equal(start[0], start[1]) and torch.equal(start[0], start[2])
+    with pytest.raises(UserError, match="common or spectral"):
+        build(common=True, spectral=True)
 
 
 def test_one_head_shares_everything() -> None:

@@ -23,8 +23,8 @@ class SmoothUpsampling(nn.Module):
     """A vector to an image or a line of the sides `shape`, by `levels` smooth doublings.
 
     Each level convolves (3 taps an axis) before it interpolates linearly to the doubled side: smoother than a
-    transposed convolution and cheaper, since the convolution works at the smaller side. Batch norm and ReLU
-    follow, and a last convolution works at the full side, so that edges can be sharper than the interpolation.
+    transposed convolution and cheaper, since the convolution works at the smaller side. Modulated batch norm and
+    ReLU follow, and a last convolution works at the full side, so that edges can be sharper than the interpolation.
     Channels halve with every level, but never below those of the output: narrower ones cannot tell thin parts apart.
     """
 
@@ -32,12 +32,11 @@ class SmoothUpsampling(nn.Module):
         super().__init__()
         dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
-        norm = nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d
         widths = [channels, *[max(channels // 2**i, outputs) for i in range(1, levels + 1)]]
         self.mode = "bilinear" if dims == 2 else "linear"
         self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
-        self.norms = nn.ModuleList([norm(width) for width in widths])
+        self.norms = nn.ModuleList([ModulatedNorm(inputs, width, dims) for width in widths])
         self.levels = nn.ModuleList(
             [convolution(a, b, 3, padding=1, bias=False) for a, b in zip(widths, widths[1:], strict=False)]
         )
@@ -47,11 +46,33 @@ class SmoothUpsampling(nn.Module):
         x = self.start(hidden).view(len(hidden), *self.shape)
         if x.dim() == 4:
             x = x.contiguous(memory_format=torch.channels_last)
-        x = F.relu(self.norms[0](x))
+        x = F.relu(self.norms[0](x, hidden))
         for convolution, norm in zip(self.levels, list(self.norms)[1:], strict=True):
             x = F.interpolate(convolution(x), scale_factor=2, mode=self.mode, align_corners=False)
-            x = F.relu(norm(x))
+            x = F.relu(norm(x, hidden))
         return self.last(x)
+
+
+class ModulatedNorm(nn.Module):
+    """Batch norm whose scale and shift depend on a vector h: (1 + A h) * norm(x) + B h, channel by channel.
+
+    The code is then heard at every level, not at the first one alone.
+
+    References:
+        de Vries et al. 2017, Modulating early visual processing by language (conditional batch norm).
+    """
+
+    def __init__(self, inputs: int, channels: int, dims: int) -> None:
+        super().__init__()
+        self.norm = (nn.BatchNorm2d if dims == 2 else nn.BatchNorm1d)(channels)
+        self.modulation = nn.Linear(inputs, 2 * channels)
+        nn.init.normal_(self.modulation.weight, std=0.3 * inputs**-0.5)
+        nn.init.zeros_(self.modulation.bias)
+
+    def forward(self, x: Tensor, hidden: Tensor) -> Tensor:
+        modulation = self.modulation(hidden).view(len(x), -1, *[1] * (x.dim() - 2))
+        scale, shift = modulation.chunk(2, 1)
+        return self.norm(x) * (1 + scale) + shift
 
 
 class HeadConv(nn.Module):

@@ -20,7 +20,9 @@ class Discriminator(nn.Module):
 
     The blocks after the shared ones, and the last layer, exist once per head (per way of looking or per
     cluster of them). With `shared=4` a head is one row of the last layer. With `bottleneck` a shared layer of
-    that many units stands before the heads. The same class looks at images (B, C, H, W) and at volumes
+    that many units stands before the heads. With `common` a head's row is the sum of one that all heads share and
+    one of its own, which starts at zero: what every way of looking has to teach is learned from all images, and
+    heads differ as far as their own images ask for it. The same class looks at images (B, C, H, W) and at volumes
     (B, X, Y, Z), where all blocks are shared and there is one head.
 
     Args:
@@ -31,6 +33,10 @@ class Discriminator(nn.Module):
 
     References:
         Li et al. 2019, supplemental, Part I and Fig. 1.
+        Miyato & Koyama 2018, cGANs with projection discriminator (the common row and those of its own).
+
+    Raises:
+        UserError: for sides that are not multiples of 16, or `common` with `spectral`, which has no rows of zeros.
     """
 
     def __init__(
@@ -42,12 +48,15 @@ class Discriminator(nn.Module):
         spectral: bool = False,
         slope: float = 0.2,
         bottleneck: int = 0,
+        common: bool = False,
         volumetric: bool = False,
     ) -> None:
         super().__init__()
         sides = shape if volumetric else shape[1:]
         if len(shape) != 3 or any(side < 1 or side % 2**BLOCKS for side in sides):
             raise UserError(f"discriminator: four halvings need sides that are multiples of 16, not {shape}")
+        if common and spectral:
+            raise UserError("discriminator: rows that start at zero have no spectral norm; choose common or spectral")
         self.slope, self.volumetric = slope, volumetric
         shared = BLOCKS if volumetric or heads == 1 else shared
         widths = [1 if volumetric else shape[0], *[channels * 2**i for i in range(BLOCKS)]]
@@ -57,8 +66,10 @@ class Discriminator(nn.Module):
         self.own = nn.ModuleList([HeadConv(heads, a, b) for a, b in pairs[shared:]])
         features = widths[-1] * math.prod(side // 2**BLOCKS for side in sides)
         self.bottleneck = nn.Linear(features, bottleneck) if bottleneck else None
-        self.last = nn.Embedding(heads, (bottleneck or features) + 1)
-        nn.init.normal_(self.last.weight, std=(bottleneck or features) ** -0.5)
+        width = bottleneck or features
+        self.last = nn.Embedding(heads, width + 1)
+        nn.init.normal_(self.last.weight, std=0.0 if common else width**-0.5)
+        self.common = nn.Parameter(torch.randn(width + 1) * width**-0.5) if common else None
         if spectral:
             self._normalise()
 
@@ -83,7 +94,7 @@ class Discriminator(nn.Module):
         x = x.flatten(1)
         if self.bottleneck is not None:
             x = F.leaky_relu(self.bottleneck(x), self.slope)
-        row = self.last(head)
+        row = self.last(head) if self.common is None else self.last(head) + self.common
         return (x * row[:, :-1]).sum(1) + row[:, -1]
 
 

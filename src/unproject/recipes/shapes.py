@@ -109,6 +109,7 @@ def shapes(
             channels=16 if views == "direct" else 32,
             shared=4,
             bottleneck=256,
+            common=True,
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed, flips),
