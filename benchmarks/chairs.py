@@ -49,11 +49,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--parallel", type=int, default=1, help="runs at a time")
     parser.add_argument("--threads", type=int, default=2, help="threads a run")
-    parser.add_argument("--runs", type=Path, default=Path("runs/chairs"))
+    parser.add_argument("--runs", type=Path, help="folder of the runs: runs/chairs, or runs/chairs-uneven")
     parser.add_argument("--arms", nargs="*", default=list(ARMS))
     parser.add_argument("--uneven", type=float, metavar="DEGREES", help="deviation of the azimuths from the front")
     options = parser.parse_args(argv)
-    options.results = RESULTS / ("chairs" if options.uneven is None else "chairs-uneven")
+    name = "chairs" if options.uneven is None else "chairs-uneven"
+    options.results, options.runs = RESULTS / name, options.runs or Path("runs") / name
     options.results.mkdir(parents=True, exist_ok=True)
     options.images = None
     if options.uneven is not None:
