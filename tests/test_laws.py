@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from typing import Any
 
 import pytest
 import torch
@@ -13,6 +14,7 @@ from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.ops import absorption, expected_depth, rotate_y
 from unproject.projections.base import Identity, Projection
+from unproject.projections.line_integral import LineIntegral, directions
 from unproject.projections.observation import Observation
 from unproject.projections.priors import Bins, Empirical, Mixture, Prior, Product, Uniform
 from unproject.projections.silhouette import (
@@ -82,9 +84,16 @@ def test_silhouettes_obey_the_laws(name: str) -> None:
     check_projection(SILHOUETTES[name])
 
 
-@pytest.mark.parametrize("part", [Identity(), ExpectedDepth(), azimuth_bins()[3]], ids=lambda p: type(p).__name__)
+@pytest.mark.parametrize(
+    "part", [Identity(), ExpectedDepth(), azimuth_bins()[3], directions()[4]], ids=lambda p: type(p).__name__
+)
 def test_other_projections_obey_the_laws(part: Projection | Observation) -> None:
     check_projection(part)
+
+
+@pytest.mark.parametrize("options", [{}, {"bins": 5}, {"bins": 13}, {"fast": False}], ids=str)
+def test_line_integrals_obey_the_laws(options: dict[str, Any]) -> None:
+    check_projection(Observation("around", LineIntegral(**options), Uniform("angle", 0, 7)))
 
 
 @pytest.mark.parametrize("name", PRIORS)

@@ -17,6 +17,7 @@ _HOME = {
     "Projection": "unproject.projections.base",
     "Identity": "unproject.projections.base",
     "Silhouette": "unproject.projections.silhouette",
+    "LineIntegral": "unproject.projections.line_integral",
     "Observation": "unproject.projections.observation",
     "Uniform": "unproject.projections.priors",
     "Bins": "unproject.projections.priors",
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from .data import Collection as Collection
     from .projections.base import Identity as Identity
     from .projections.base import Projection as Projection
+    from .projections.line_integral import LineIntegral as LineIntegral
     from .projections.observation import Observation as Observation
     from .projections.priors import Bins as Bins
     from .projections.priors import Empirical as Empirical

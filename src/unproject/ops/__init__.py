@@ -1,8 +1,9 @@
-"""Pure tensor mathematics: rotation, resampling, occupancy along rays, visual hulls, iso-surfaces."""
+"""Pure tensor mathematics: rotation, resampling, line integrals, occupancy along rays, visual hulls, iso-surfaces."""
 
 from __future__ import annotations
 
 from .hull import visual_hull
+from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .resampling import orthographic_rays, perspective_rays, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_y
@@ -20,5 +21,6 @@ __all__ = [
     "rotate",
     "rotate_y",
     "sample_volume",
+    "strip_integrals",
     "visual_hull",
 ]
