@@ -85,3 +85,12 @@ def test_each_sample_passes_the_convolution_of_its_head() -> None:
     for b, h in enumerate(HEAD.tolist()):
         kernel = block.weight[h].view(4, 3, 4, 4)
         torch.testing.assert_close(y[b], F.conv2d(x[b : b + 1], kernel, block.bias[h], 2, 1)[0], rtol=1e-4, atol=1e-5)
+
+
+def test_each_line_passes_the_convolution_of_its_head() -> None:
+    block = HeadConv(heads=6, inputs=3, outputs=4, dims=1)
+    x = torch.randn(6, 3, 12, generator=torch.Generator().manual_seed(0))
+    y = block(x, HEAD)
+    for b, h in enumerate(HEAD.tolist()):
+        kernel = block.weight[h].view(4, 3, 4)
+        torch.testing.assert_close(y[b], F.conv1d(x[b : b + 1], kernel, block.bias[h], 2, 1)[0], rtol=1e-4, atol=1e-5)

@@ -120,6 +120,16 @@ def test_one_logit_an_image(shape: tuple[int, ...], shared: int) -> None:
     assert model(images(7, *shape), HEAD).shape == (7,)
 
 
+@pytest.mark.parametrize("options", LAYOUTS, ids=str)
+def test_one_logit_a_line(options: dict[str, object]) -> None:
+    model = Discriminator((2, 48), heads=3, channels=4, **options)  # type: ignore[arg-type]
+    assert all(isinstance(block, nn.Conv1d) for block in model.shared)
+    lines = images(7, 2, 48)
+    logits = model(lines, HEAD)
+    assert logits.shape == (7,)
+    torch.testing.assert_close(model(lines.flip(0), HEAD.flip(0)).flip(0), logits, rtol=1e-2, atol=1e-3)
+
+
 @pytest.mark.parametrize("shape", [(16, 16, 16), (32, 16, 16)])
 def test_one_logit_a_volume(shape: tuple[int, ...]) -> None:
     model = Discriminator(shape, channels=4, volumetric=True, spectral=True)
@@ -135,7 +145,10 @@ def test_one_logit_a_volume(shape: tuple[int, ...]) -> None:
         ((1, 32, 24), False),
         ((1, 8, 8), False),
         ((1, 0, 16), False),
-        ((32, 32), False),
+        ((32,), False),
+        ((1, 24), False),
+        ((32, 32), True),
+        ((1, 32, 32, 32), False),
         ((24, 16, 16), True),
         ((1, 16, 16), True),
     ],

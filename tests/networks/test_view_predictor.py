@@ -9,7 +9,7 @@ from torch import nn
 from unproject.networks import Discriminator, ViewPredictor
 
 
-@pytest.mark.parametrize("shape", [(1, 16, 16), (1, 64, 64), (3, 32, 48)])
+@pytest.mark.parametrize("shape", [(1, 16, 16), (1, 64, 64), (3, 32, 48), (1, 32), (2, 48)])
 def test_a_logit_a_bin(shape: tuple[int, ...]) -> None:
     assert ViewPredictor(shape, bins=5, channels=4)(torch.rand(3, *shape)).shape == (3, 5)
 

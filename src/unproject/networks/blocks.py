@@ -76,23 +76,29 @@ class ModulatedNorm(nn.Module):
 
 
 class HeadConv(nn.Module):
-    """A 4×4 stride-2 convolution with weights of its own for every head: sample b passes through head[b] alone.
+    """A stride-2 convolution, 4 wide, with weights of its own for every head: sample b passes through head[b] alone.
 
     Samples are gathered by head into equal padded groups, so that the price is that of the largest group
     times the heads in use, not that of all heads for all samples.
+
+    Args:
+        dims: 2 for images (B, C, H, W), 1 for lines (B, C, W).
     """
 
-    def __init__(self, heads: int, inputs: int, outputs: int) -> None:
+    def __init__(self, heads: int, inputs: int, outputs: int, dims: int = 2) -> None:
         super().__init__()
-        bound = 1 / math.sqrt(inputs * 16)
-        self.weight = nn.Parameter(torch.empty(heads, outputs, inputs * 16).uniform_(-bound, bound))
+        taps = inputs * 4**dims
+        bound = 1 / math.sqrt(taps)
+        self.weight = nn.Parameter(torch.empty(heads, outputs, taps).uniform_(-bound, bound))
         self.bias = nn.Parameter(torch.empty(heads, outputs).uniform_(-bound, bound))
 
     def forward(self, x: Tensor, head: Tensor) -> Tensor:
-        columns = F.unfold(x, 4, padding=1, stride=2).transpose(1, 2)  # (B, positions, inputs·16)
-        y = grouped_linear(columns, self.weight, self.bias, head)
-        side = (x.shape[-2] // 2, x.shape[-1] // 2)
-        return y.transpose(1, 2).unflatten(2, side)
+        if x.dim() == 3:
+            columns = F.unfold(x[:, :, None], (1, 4), padding=(0, 1), stride=(1, 2))
+        else:
+            columns = F.unfold(x, 4, padding=1, stride=2)
+        y = grouped_linear(columns.transpose(1, 2), self.weight, self.bias, head)  # (B, positions, outputs)
+        return y.transpose(1, 2).unflatten(2, [side // 2 for side in x.shape[2:]])
 
 
 def grouped_linear(x: Tensor, weight: Tensor, bias: Tensor, head: Tensor) -> Tensor:

@@ -13,6 +13,7 @@ from .._types import UserError
 from .blocks import HeadConv, grouped_linear
 
 BLOCKS = 4
+CONVOLUTIONS = {1: nn.Conv1d, 2: nn.Conv2d, 3: nn.Conv3d}
 
 
 class Discriminator(nn.Module):
@@ -22,11 +23,11 @@ class Discriminator(nn.Module):
     cluster of them). With `shared=4` a head is one row of the last layer. With `bottleneck` a shared layer of
     that many units stands before the heads. With `common` a head's row is the sum of one that all heads share and
     one of its own, which starts at zero: what every way of looking has to teach is learned from all images, and
-    heads differ as far as their own images ask for it. The same class looks at images (B, C, H, W) and at volumes
-    (B, X, Y, Z), where all blocks are shared and there is one head.
+    heads differ as far as their own images ask for it. The same class looks at images (B, C, H, W), at lines
+    (B, C, W) and at volumes (B, X, Y, Z), where all blocks are shared and there is one head.
 
     Args:
-        shape: of one input: (C, H, W) or (X, Y, Z) with `volumetric`.
+        shape: of one input: (C, H, W), (C, W), or (X, Y, Z) with `volumetric`.
         heads: how many ways of looking.
         channels: after the first block; doubles with every block.
         spectral: spectral normalisation of every layer (Miyato et al. 2018).
@@ -53,17 +54,18 @@ class Discriminator(nn.Module):
     ) -> None:
         super().__init__()
         sides = shape if volumetric else shape[1:]
-        if len(shape) != 3 or any(side < 1 or side % 2**BLOCKS for side in sides):
+        dims = len(sides)
+        if dims not in ((3,) if volumetric else (1, 2)) or any(side < 1 or side % 2**BLOCKS for side in sides):
             raise UserError(f"discriminator: four halvings need sides that are multiples of 16, not {shape}")
         if common and spectral:
             raise UserError("discriminator: rows that start at zero have no spectral norm; choose common or spectral")
         self.slope, self.volumetric = slope, volumetric
         shared = BLOCKS if volumetric or heads == 1 else shared
         widths = [1 if volumetric else shape[0], *[channels * 2**i for i in range(BLOCKS)]]
-        convolution = nn.Conv3d if volumetric else nn.Conv2d
+        convolution = CONVOLUTIONS[dims]
         pairs = list(zip(widths, widths[1:], strict=False))
         self.shared = nn.ModuleList([convolution(a, b, 4, 2, 1) for a, b in pairs[:shared]])
-        self.own = nn.ModuleList([HeadConv(heads, a, b) for a, b in pairs[shared:]])
+        self.own = nn.ModuleList([HeadConv(heads, a, b, dims) for a, b in pairs[shared:]])
         features = widths[-1] * math.prod(side // 2**BLOCKS for side in sides)
         self.bottleneck = nn.Linear(features, bottleneck) if bottleneck else None
         width = bottleneck or features
@@ -75,7 +77,7 @@ class Discriminator(nn.Module):
 
     def _normalise(self) -> None:
         for module in self.modules():
-            if isinstance(module, (nn.Conv2d, nn.Conv3d, nn.Linear)):
+            if isinstance(module, (nn.Conv1d, nn.Conv2d, nn.Conv3d, nn.Linear)):
                 register_parametrization(module, "weight", SpectralNorm(module.weight.flatten(1)[None]))
             elif isinstance(module, HeadConv):
                 register_parametrization(module, "weight", SpectralNorm(module.weight))
@@ -85,7 +87,7 @@ class Discriminator(nn.Module):
     def forward(self, image: Tensor, head: Tensor) -> Tensor:
         """Logits (B,) of inputs in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
         x = (image[:, None] if self.volumetric else image) * 2 - 1
-        if not self.volumetric:
+        if x.dim() == 4:
             x = x.contiguous(memory_format=torch.channels_last)
         for convolution in self.shared:
             x = F.leaky_relu(convolution(x), self.slope)
