@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
-from unproject.networks import Generator, LowRankGenerator, VoxelGenerator
+from unproject.networks import Generator, ImageGenerator, LowRankGenerator, VoxelGenerator
 from unproject.testing import check_generator, run_laws
 
 SMALL: dict[str, Callable[[], Generator]] = {
@@ -19,6 +19,8 @@ SMALL: dict[str, Callable[[], Generator]] = {
     "nearest": lambda: VoxelGenerator(16, 6, 16, upsampling="nearest"),
     "mirror": lambda: VoxelGenerator(16, 6, 16, mirror=True),
     "truncated": lambda: VoxelGenerator(16, 6, 16, truncation=0.75),
+    "image": lambda: ImageGenerator(16, 6, 16),
+    "colour": lambda: ImageGenerator(8, 6, 16, outputs=3),
     "low-rank": lambda: LowRankGenerator(16, 6, 16, rank=3),
     "low-rank-mirror": lambda: LowRankGenerator(16, 6, 16, rank=3, mirror=True),
 }
@@ -232,3 +234,21 @@ def test_the_factors_grow_with_the_square_and_the_volume_with_the_cube() -> None
     assert factor_elements(64, 32) == 3 * 32 * (64**2 + 64)
     assert factor_elements(128, 32) / 128**3 < 0.8
     assert factor_elements(256, 32) / factor_elements(128, 32) == pytest.approx(4, rel=0.01)
+
+
+# Images
+
+
+@pytest.mark.parametrize("size, outputs", [(8, 1), (16, 3), (32, 1)])
+def test_images_of_any_size(size: int, outputs: int) -> None:
+    x = build(lambda: ImageGenerator(size, 6, 16, outputs)).sample(2)
+    assert x.shape == (2, outputs, size, size) and x.min() >= 0 and x.max() <= 1
+
+
+def test_images_start_dark() -> None:
+    assert build(lambda: ImageGenerator(16, 6, 16)).sample(8).mean() < 0.2
+
+
+def test_the_seeds_channels_halve_with_every_doubling() -> None:
+    layers = [m for m in build(lambda: ImageGenerator(32, 6, 64)).modules() if isinstance(m, nn.ConvTranspose2d)]
+    assert [(m.in_channels, m.out_channels) for m in layers] == [(64, 32), (32, 16), (16, 8)]

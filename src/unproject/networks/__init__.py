@@ -1,7 +1,7 @@
 """Networks: generators, discriminators, view predictors."""
 
 from .discriminators import Discriminator
-from .generators import Generator, LowRankGenerator, VoxelGenerator
+from .generators import Generator, ImageGenerator, LowRankGenerator, VoxelGenerator
 from .view_predictor import ViewPredictor
 
-__all__ = ["Discriminator", "Generator", "LowRankGenerator", "ViewPredictor", "VoxelGenerator"]
+__all__ = ["Discriminator", "Generator", "ImageGenerator", "LowRankGenerator", "ViewPredictor", "VoxelGenerator"]

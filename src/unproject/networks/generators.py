@@ -128,6 +128,46 @@ def _doubling(before: int, after: int, upsampling: str) -> nn.Module:
     raise UserError(f"upsampling={upsampling!r}: choose 'transposed' or 'nearest'")
 
 
+class ImageGenerator(Generator):
+    """DCGAN: an image (B, outputs, size, size) in [0, 1] from 4², by transposed convolutions, batch norm and ReLU.
+
+    A linear layer gives `channels`×4²; every level doubles the side and halves the channels, down to 8 at least.
+    A last 3² convolution and a sigmoid give the image.
+
+    Args:
+        size: side of the image, 4·2^k.
+        bias: of the last convolution at the start; negative makes dark images, as most of those learned from
+            line integrals are mostly dark.
+
+    References:
+        Radford et al. 2016, Unsupervised representation learning with deep convolutional GANs.
+    """
+
+    def __init__(
+        self,
+        size: int = 32,
+        code_size: int = 128,
+        channels: int = 256,
+        outputs: int = 1,
+        bias: float = -2.0,
+        truncation: float | None = None,
+    ) -> None:
+        super().__init__(code_size, truncation)
+        widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
+        self.width = channels
+        self.start = nn.Linear(code_size, channels * 4**2)
+        layers: list[nn.Module] = [nn.BatchNorm2d(channels), nn.ReLU()]
+        for before, after in zip(widths, widths[1:], strict=False):
+            layers += [nn.ConvTranspose2d(before, after, 4, 2, 1), nn.BatchNorm2d(after), nn.ReLU()]
+        last = nn.Conv2d(widths[-1], outputs, 3, padding=1)
+        nn.init.constant_(last.bias, bias)  # pyright: ignore[reportArgumentType]
+        self.levels = nn.Sequential(*layers, last)
+
+    def forward(self, code: Tensor) -> Tensor:
+        x = self.start(code).view(len(code), self.width, 4, 4)
+        return torch.sigmoid(self.levels(x.contiguous(memory_format=torch.channels_last))).contiguous()
+
+
 class LowRankGenerator(Generator):
     """Occupancy as a sum of plane × line products, for CPUs and for large volumes.
 
