@@ -27,7 +27,7 @@ import numpy as np
 import torch
 
 from unproject import export
-from unproject.data import read, render_silhouettes
+from unproject.data import read, observe
 from unproject.metrics import ViewAccuracy, confusion_picture, shape_scores, view_accuracy, view_scores
 from unproject.projections.observation import Observation
 from unproject.projections.priors import TURN, Empirical, Product, Uniform
@@ -83,7 +83,7 @@ def uneven_images(options: argparse.Namespace) -> Path:
         azimuths = torch.randn(2**16, generator=torch.Generator().manual_seed(0)) * options.uneven / 360 * TURN
         prior = Product(Empirical({"azimuth": azimuths % TURN}), Uniform("elevation", 0, 0))
         look = Observation("photographer", Silhouette(size=32, rule="absorption", density=2.0), prior)
-        seen = render_silhouettes(read(f"{options.data}:chair/train"), [look], per_shape=16, seed=0)
+        seen = observe(read(f"{options.data}:chair/train"), [look], each=16, seed=0)
         assert seen.latents is not None
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, silhouettes=seen.items[:, 0].numpy(), azimuth=seen.latents["azimuth"].numpy())

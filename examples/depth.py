@@ -8,7 +8,7 @@ import math
 from functools import partial
 
 import unproject as up
-from unproject.data import chairs, render_silhouettes
+from unproject.data import chairs, observe
 from unproject.networks import LowRankGenerator
 
 
@@ -30,6 +30,6 @@ def scans(*, steps: int = 1000, minutes: float | None = None, seed: int = 0) -> 
         minutes: budget in minutes.
         seed: of everything random.
     """
-    images = render_silhouettes(chairs(500), [depth], per_shape=4)
+    images = observe(chairs(500), [depth], each=4)
     generator = partial(LowRankGenerator, size=32)
     return up.Recipe(generator, looks=[(depth, images)], steps=steps, minutes=minutes, seed=seed)

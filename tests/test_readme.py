@@ -12,7 +12,7 @@ from PIL import Image
 from safetensors.torch import load_file, save_file
 
 from unproject.cli import main
-from unproject.data import chairs, render_silhouettes
+from unproject.data import chairs, observe
 from unproject.projections.silhouette import azimuth_bins
 from unproject.training.checkpoint import FORMAT
 
@@ -30,7 +30,7 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "my_masks"
     folder.mkdir()
-    seen = render_silhouettes(chairs(12), azimuth_bins(4), seed=0)
+    seen = observe(chairs(12), azimuth_bins(4), seed=0)
     for name, picture in zip(seen.names, seen.items, strict=True):
         Image.fromarray((picture[0] * 255).to(torch.uint8).numpy()).save(folder / f"{name}.png")
     return folder

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from unproject._types import UserError
-from unproject.data import Collection, render_silhouettes, with_flips
+from unproject.data import Collection, observe, with_flips
 from unproject.projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 
 RNG = torch.Generator().manual_seed(0)
@@ -17,7 +17,7 @@ THINGS = torch.rand(6, 12, 12, 12, generator=RNG) ** 4
 
 @pytest.mark.parametrize("looks", [azimuth_bins(5), azimuth_elevation_bins(3, 3)], ids=["level", "tilted"])
 def test_flipped_pictures_are_pictures_of_mirrored_things(looks: tuple) -> None:
-    seen = with_flips(render_silhouettes(THINGS, looks, per_shape=2))
+    seen = with_flips(observe(THINGS, looks, each=2))
     mirrored = with_flips(Collection(THINGS)).items[1::2].repeat_interleave(2, 0)
     assert seen.latents is not None and sorted(seen.latents) == ["azimuth", "elevation"]
     theta = {name: value[1::2] for name, value in seen.latents.items()}

@@ -12,7 +12,7 @@ import torch
 import trimesh
 
 from unproject._types import UserError
-from unproject.data import Collection, read_shapes, render_silhouettes
+from unproject.data import Collection, observe, read_shapes
 from unproject.data.shapes import read_binvox, read_mesh
 from unproject.data.voxelise import crossings, normalised, voxelise
 
@@ -210,19 +210,19 @@ def looks(*offsets: float):
 
 def test_rendered_images_carry_their_own_latents():
     shapes = Collection.from_tensor(torch.eye(8).expand(5, 8, 8, 8), names=list("abcde"))
-    seen = render_silhouettes(shapes, looks(0.2, 0.6), per_shape=7, seed=3, chunk=4)
+    seen = observe(shapes, looks(0.2, 0.6), each=7, seed=3, chunk=4)
     assert len(seen) == 35 and seen.names[:2] == ("a#0", "a#1") and seen.latents is not None
     azimuth, look = seen.latents["azimuth"], seen.latents["look"]
     assert torch.allclose(seen.items.amax((1, 2, 3)), azimuth) and torch.equal(look, (azimuth > 0.4).float())
     assert 0 < look.mean() < 1
-    again = render_silhouettes(shapes, looks(0.2, 0.6), per_shape=7, seed=3, chunk=4)
-    other = render_silhouettes(shapes, looks(0.2, 0.6), per_shape=7, seed=4, chunk=4, binary=True)
+    again = observe(shapes, looks(0.2, 0.6), each=7, seed=3, chunk=4)
+    other = observe(shapes, looks(0.2, 0.6), each=7, seed=4, chunk=4, binary=True)
     assert torch.equal(again.items, seen.items) and set(other.items.unique().tolist()) == {0.0, 1.0}
 
 
 def test_looks_that_draw_different_latents_are_refused():
     strange = SimpleNamespace(prior=SimpleNamespace(sample=lambda n, rng: {}), projection=lambda x: x.amax(3)[:, None])
     with pytest.raises(UserError, match="different latents"):
-        render_silhouettes(torch.ones(20, 8, 8, 8), [*looks(0.5), strange])
+        observe(torch.ones(20, 8, 8, 8), [*looks(0.5), strange])
     with pytest.raises(UserError, match="at least one way"):
-        render_silhouettes(torch.ones(2, 8, 8, 8), [])
+        observe(torch.ones(2, 8, 8, 8), [])

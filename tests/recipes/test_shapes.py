@@ -19,7 +19,8 @@ from unproject.networks import LowRankGenerator, VoxelGenerator
 from unproject.projections.base import Identity
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.recipes import shapes as module
-from unproject.recipes.shapes import by_known_view, shapes, shapes_paper
+from unproject.recipes.pairing import by_known_view
+from unproject.recipes.shapes import shapes, shapes_paper
 from unproject.training.panel import build_panels
 from unproject.training.recipe import Recipe
 

@@ -15,13 +15,14 @@ from torch import Tensor, nn
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.losses import Hinge, Loss, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty
-from unproject.data import Collection, chairs, render_silhouettes
+from unproject.data import Collection, chairs, observe
 from unproject.networks import Discriminator, Generator, LowRankGenerator, ViewPredictor
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.priors import Product
 from unproject.projections.silhouette import Silhouette, azimuth_bins, continuous_views
-from unproject.recipes.shapes import Views, by_known_view, look_at
+from unproject.recipes.pairing import Views, by_known_view
+from unproject.recipes.shapes import look_at
 from unproject.training import Adam, Recipe
 from unproject.training.recipe import Looks
 
@@ -112,7 +113,7 @@ def toy_looks(views: Views, silhouette: Silhouette, seed: int) -> Looks:
     if views == "direct":
         return [(Observation("volume", Identity(), Product()), shapes)]
     ways = azimuth_bins(BINS, silhouette)
-    seen = render_silhouettes(shapes, ways, 2, seed)
+    seen = observe(shapes, ways, 2, seed)
     if views == "known":
         return by_known_view(seen, ways)
     return [(way, seen) for way in (ways if views == "predicted" else continuous_views(silhouette))]

@@ -1,11 +1,12 @@
-"""Collections and their readers: folders of pictures, arrays, 3-D collections, the procedural chairs."""
+"""Collections and their readers: folders of pictures, arrays, 3-D collections, the procedural chairs, and digits."""
 
 from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .collection import Collection, read, read_shapes
+from .digits import digits
 from .flips import with_flips
 from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
-from .rendered import render_silhouettes
+from .observing import observe
 from .sampling import batch_rows, held_out
 
 __all__ = [
@@ -23,11 +24,12 @@ __all__ = [
     "chair_parameters",
     "chairs",
     "contact_sheet",
+    "digits",
     "frame",
     "held_out",
     "inspect",
+    "observe",
     "read",
     "read_shapes",
-    "render_silhouettes",
     "with_flips",
 ]

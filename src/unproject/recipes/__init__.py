@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _HOME = {
     "shapes": ("unproject.recipes.shapes:shapes", "shapes from silhouettes, made for a laptop"),
     "shapes-paper": ("unproject.recipes.shapes:shapes_paper", "shapes from silhouettes, the seed's choices"),
+    "digits": ("unproject.recipes.digits:digits", "images from line integrals, made for a laptop"),
+    "digits-paper": ("unproject.recipes.digits:digits_paper", "images from line integrals, the seed's choices"),
 }
 
 

@@ -1,25 +1,13 @@
 """Shapes from silhouettes: the recipes of the seed's Part I, and modern ones.
 
-The four arms of every comparison differ by `views` alone:
-
-=========== ============================================== ==========================================
-views       looks                                          assignment
-=========== ============================================== ==========================================
-predicted   16 azimuth bins, one unlabelled collection     `Predicted` (VP-MP-GAN)
-known       16 azimuth bins, each with its own images      `Known` (MP-GAN)
-single      one look from anywhere around                  `Known`, one head (PrGAN)
-direct      the identity on volumes                        `Known`, one head (3D-GAN)
-=========== ============================================== ==========================================
+The four arms of every comparison differ by `views` alone; `pairing` has the table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
-
-import torch
 
 from .._random import derived_seed
 from .._types import UserError
@@ -27,15 +15,13 @@ from ..adversarial.assignment import Known, Predicted
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..adversarial.regularisers import Solid
-from ..data import Collection, chairs, read, render_silhouettes, with_flips
+from ..data import Collection, chairs, observe, read, with_flips
 from ..networks import Discriminator, LowRankGenerator, ViewPredictor, VoxelGenerator
-from ..projections.base import Identity
 from ..projections.observation import Observation
-from ..projections.priors import Mixture, Product
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training.recipe import Adam, Looks, Recipe
+from .pairing import Views, little_and_often, pair
 
-Views = Literal["predicted", "known", "single", "direct"]
 EMBEDDED_CHAIRS = 1000
 
 
@@ -213,18 +199,6 @@ def shapes_paper(
     )
 
 
-def little_and_often(rounds: int, balance: float) -> Predicted:
-    """Many short rounds, each image's way drawn from what the predictor thinks of it: stochastic EM.
-
-    While the predictor knows little its draws are nearly random and training is PrGAN's; a few long rounds of
-    most probable ways instead lock in whatever the first, wrong shapes suggest.
-    """
-    if rounds < 1 or not 0 <= balance <= 1:
-        raise UserError(f"rounds={rounds}, balance={balance}: give at least 1 round and a balance of 0 to 1")
-    starts = tuple(0.05 + 0.93 * k / rounds for k in range(rounds))
-    return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance)
-
-
 def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:
     """Bins of azimuth at elevation 0, or times bands of elevation."""
     if bins < 1 or bands < 1:
@@ -241,7 +215,7 @@ def look_at(
     seed: int,
     flips: bool = False,
 ) -> Looks:
-    """Pair observations with what `data` has to offer them; see the table at the top of the module."""
+    """Pair observations with what `data` has to offer them."""
     silhouette = ways[0].projection
     assert isinstance(silhouette, Silhouette) and silhouette.size is not None
     size = silhouette.size
@@ -252,43 +226,14 @@ def look_at(
             raise UserError(
                 f"{collection.source}: direct training needs volumes; give a 3-D collection or other --views"
             )
-        volumes = with_flips(collection) if flips else collection
-        return [(Observation("volume", Identity(), Product()), volumes)]
-    if volumetric:
+    elif volumetric:
         where = derived_seed(seed, 0, "silhouettes")
-        collection = render_silhouettes(collection, ways, looks_per_shape, where, binary=binary)
+        collection = observe(collection, ways, looks_per_shape, where, binary=binary)
     collection = with_flips(collection) if flips else collection
-    if views == "single":
-        anywhere = Observation("anywhere", silhouette, Mixture([way.prior for way in ways]))
-        return [(anywhere, collection)]
-    if views == "predicted":
-        return [(way, collection) for way in ways]
-    return by_known_view(collection, ways)
+    return pair(views, ways, collection)
 
 
 def read_or_make(data: Path | None, size: int) -> Collection:
     if data is None:
         return Collection(chairs(EMBEDDED_CHAIRS, size, seed=0))
     return read(data, size=size)
-
-
-def by_known_view(collection: Collection, bins: Sequence[Observation]) -> Looks:
-    """Give each observation the images whose known view its prior contains."""
-    if collection.latents is None or "azimuth" not in collection.latents:
-        raise UserError(
-            f"{collection.source}: known views are asked for but none are there; add a views.csv "
-            "(file,azimuth in degrees) or use --views predicted"
-        )
-    latents = {"elevation": torch.zeros(len(collection)), **collection.latents}
-    inside = torch.stack([observation.prior.contains(latents) for observation in bins]).any(0)
-    if not bool(inside.all()):
-        raise UserError(
-            f"{collection.source}: the known view of {int((~inside).sum())} of {len(inside)} images lies outside every "
-            "bin; leave them out, or give --bands enough bands of elevation"
-        )
-    looks = []
-    for observation in bins:
-        rows = observation.prior.contains(latents).nonzero()[:, 0]
-        if len(rows):
-            looks.append((observation, collection.subset(rows)))
-    return looks

@@ -30,46 +30,46 @@ class Look(Protocol):
     def prior(self) -> Sampler: ...
 
 
-def render_silhouettes(
-    shapes: Records | Tensor,
+def observe(
+    things: Records | Tensor,
     looks: Sequence[Look],
-    per_shape: int = 1,
+    each: int = 1,
     seed: int = 0,
     *,
     binary: bool = False,
     chunk: int = 64,
 ) -> Collection:
-    """Look at every shape `per_shape` times, each time in one of the ways of looking, all as likely.
+    """Look at every thing `each` times, each time in one of the ways of looking, all as likely.
 
-    Images (N · per_shape, C, H, W), those of a shape side by side, with the latents as drawn, and the index of
+    Observations (N · each, ...), those of a thing side by side, with the latents as drawn, and the index of
     the way of looking as `latents["look"]`: leave latents out for views to be unknown.
 
     Args:
-        shapes: volumes (N, X, Y, Z).
+        things: (N, ...), what the projections take: volumes, or images.
         looks: Observations, or anything with a projection and a prior; they must draw the same latents.
-        per_shape: images a shape.
+        each: observations of a thing.
         seed: the draws are a function of the seed.
-        binary: cut images at one half.
-        chunk: images rendered at once.
+        binary: cut what is seen at one half.
+        chunk: observations made at once.
 
     Raises:
         UserError: if there is no look, or looks draw different latents.
     """
-    shapes = shapes if isinstance(shapes, Records) else Records.from_tensor(shapes)
-    if not looks or per_shape < 1:
-        raise UserError("render_silhouettes: give at least one way of looking and one image a shape")
-    rows = torch.arange(len(shapes)).repeat_interleave(per_shape)
+    things = things if isinstance(things, Records) else Records.from_tensor(things)
+    if not looks or each < 1:
+        raise UserError("observe: give at least one way of looking, and at least one look at each thing")
+    rows = torch.arange(len(things)).repeat_interleave(each)
     parts = [
-        _look_at(shapes.items[some], looks, generator_at(seed, step, "render"))
+        _look_at(things.items[some], looks, generator_at(seed, step, "render"))
         for step, some in enumerate(rows.split(chunk))
     ]
     if len({frozenset(latents) for _, latents in parts}) != 1:
-        raise UserError("render_silhouettes: the ways of looking draw different latents; render them one by one")
+        raise UserError("observe: the ways of looking draw different latents; render them one by one")
     images = torch.cat([image for image, _ in parts])
     latents = {name: torch.cat([latents[name] for _, latents in parts]) for name in parts[0][1]}
-    names = [f"{name}#{k}" for name in shapes.names for k in range(per_shape)]
+    names = [f"{name}#{k}" for name in things.names for k in range(each)]
     images = (images >= 0.5).float() if binary else images
-    return Collection.from_tensor(images, latents, names, source=f"{shapes.source}, rendered")
+    return Collection.from_tensor(images, latents, names, source=f"{things.source}, rendered")
 
 
 @torch.no_grad()
@@ -84,7 +84,7 @@ def _look_at(x: Tensor, looks: Sequence[Look], rng: torch.Generator) -> tuple[Te
         drawn.append(theta)
         order.append(rows)
     if len({frozenset(theta) for theta in drawn}) != 1:
-        raise UserError("render_silhouettes: the ways of looking draw different latents; render them one by one")
+        raise UserError("observe: the ways of looking draw different latents; render them one by one")
     back = torch.cat(order).argsort()
     latents = {name: torch.cat([theta[name] for theta in drawn])[back] for name in drawn[0]}
     return torch.cat(images)[back], {**latents, "look": which.float()}

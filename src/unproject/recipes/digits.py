@@ -1,0 +1,187 @@
+"""Images from line integrals: the recipe of the seed's Part III, and a modern one.
+
+The four arms of every comparison differ by `views` alone; `pairing` has the table.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+
+import torch.nn.functional as F
+from torch import Tensor
+
+from .._random import derived_seed
+from .._types import UserError
+from ..adversarial.assignment import Known, Predicted
+from ..adversarial.losses import Relativistic, Wasserstein
+from ..adversarial.penalties import R1R2, GradientPenalty
+from ..data import Collection, observe, read
+from ..data import digits as embedded_digits
+from ..networks import Discriminator, ImageGenerator, ViewPredictor
+from ..projections.line_integral import LineIntegral, directions
+from ..projections.observation import Observation
+from ..training.recipe import Adam, Looks, Recipe
+from .pairing import Views, little_and_often, pair
+
+
+def digits(
+    *,
+    data: Path | None = None,
+    views: Views = "known",
+    size: int = 32,
+    bins: int = 10,
+    spread: float = 2.5,
+    looks_per_image: int = 1,
+    steps: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    batch: int = 128,
+    looks_each: int = 1,
+    channels: int = 256,
+    rate: float = 1e-3,
+    gamma: float = 0.5,
+    rounds: int = 40,
+    balance: float = 0.8,
+    checkpoint_every: int = 500,
+) -> Recipe:
+    """Images from line integrals, made for a laptop: a DCGAN, relativistic loss with lazy R1 + R2.
+
+    Args:
+        data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given. Their line
+            integrals are taken, and nothing else of them is used, except for direct training.
+        views: what is known of the directions: known, predicted (nothing, but estimated), single (nothing, one
+            discriminator head), or direct (no projection: train on the images themselves).
+        size: pixels a side, and detectors.
+        bins: directions, evenly over half a turn.
+        spread: each direction is uniform within ± so many degrees.
+        looks_per_image: line integrals taken of each image.
+        steps: budget in steps; 6000 if neither steps nor minutes is given.
+        minutes: budget in minutes of the clock.
+        seed: of the weights, of every draw, and of the line integrals taken.
+        batch: line integrals an update.
+        looks_each: line integrals an update of each generated image.
+        channels: of the generator's 4² level.
+        rate: learning rate at the start; it falls to a tenth along a cosine.
+        gamma: weight of R1 and R2.
+        rounds: how often directions are predicted anew, evenly over the budget.
+        balance: how far predicted directions are drawn to equal numbers from everywhere, 0 to 1.
+        checkpoint_every: steps between checkpoints.
+    """
+    adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+    return Recipe(
+        generator=partial(ImageGenerator, size=size, channels=channels),
+        discriminator=partial(
+            Discriminator, channels=32 if views == "direct" else 64, shared=4, bottleneck=256, common=True
+        ),
+        looks=look_through(data, views, lines(size, bins, spread), size, looks_per_image, seed),
+        assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
+        loss=Relativistic(),
+        penalty=R1R2(gamma, every=8),
+        generator_optimiser=adam,
+        discriminator_optimiser=adam,
+        batch=batch,
+        looks_each=1 if views == "direct" else looks_each,
+        steps=6000 if steps is None and minutes is None else steps,
+        minutes=minutes,
+        seed=seed,
+        checkpoint_every=checkpoint_every,
+    )
+
+
+def digits_paper(
+    *,
+    data: Path | None = None,
+    views: Views = "known",
+    size: int = 32,
+    bins: int = 10,
+    spread: float = 2.5,
+    looks_per_image: int = 1,
+    steps: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    batch: int = 64,
+    channels: int = 512,
+    clusters: int | None = None,
+    checkpoint_every: int = 500,
+) -> Recipe:
+    """Images from line integrals with the choices of the seed's Part I: spectral norm, WGAN-GP, five rounds.
+
+    The seed names no networks for Part III; these are those of its shapes, one dimension lower.
+
+    Args:
+        data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given.
+        views: known, predicted, single or direct, as in `digits`.
+        size: pixels a side, and detectors.
+        bins: directions, evenly over half a turn.
+        spread: each direction is uniform within ± so many degrees.
+        looks_per_image: line integrals taken of each image.
+        steps: budget in generator steps; 100000 if neither steps nor minutes is given.
+        minutes: budget in minutes of the clock.
+        seed: of the weights, of every draw, and of the line integrals taken.
+        batch: line integrals an update.
+        channels: of the generator's 4² level.
+        clusters: discriminator heads by k-means of the predicted directions.
+        checkpoint_every: steps between checkpoints.
+    """
+    adam = Adam(1e-4, beta1=0.5, beta2=0.999)
+    rounds = Predicted(
+        partial(ViewPredictor, channels=32),
+        (0.2, 0.4, 0.6, 0.8),
+        65536,
+        20_000,
+        32,
+        1e-3,
+        fresh=True,
+        clusters=clusters,
+        restart=True,
+    )
+    return Recipe(
+        generator=partial(ImageGenerator, size=size, channels=channels),
+        discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1),
+        looks=look_through(data, views, lines(size, bins, spread), size, looks_per_image, seed),
+        assignment=rounds if views == "predicted" else Known(),
+        loss=Wasserstein(),
+        penalty=GradientPenalty(10.0),
+        generator_optimiser=adam,
+        discriminator_optimiser=adam,
+        discriminator_steps=2,
+        batch=batch,
+        steps=100_000 if steps is None and minutes is None else steps,
+        minutes=minutes,
+        seed=seed,
+        checkpoint_every=checkpoint_every,
+    )
+
+
+def lines(size: int, bins: int, spread: float) -> tuple[Observation, ...]:
+    """The ways of looking, from degrees."""
+    return directions(bins, math.radians(spread), LineIntegral(size))
+
+
+def look_through(
+    data: Path | None, views: Views, ways: tuple[Observation, ...], size: int, looks_per_image: int, seed: int
+) -> Looks:
+    """Pair directions with the line integrals of the images of `data`."""
+    images = Collection(embedded_digits(size)) if data is None else read_images(data, size)
+    if views == "direct":
+        return pair(views, ways, images)
+    where = derived_seed(seed, 0, "line integrals")
+    return pair(views, ways, observe(images, ways, looks_per_image, where, chunk=4096))
+
+
+def read_images(path: Path, size: int) -> Collection:
+    """Pictures (N, 1, size, size): smaller ones get a dark margin, as MNIST's 28² does; larger ones are resampled."""
+    found = read(path)
+    if found.items.dim() != 4 or found.items.shape[1] != 1:
+        raise UserError(f"{path}: holds no pictures of one channel, but items of shape {tuple(found.items.shape[1:])}")
+    if max(found.items.shape[2:]) > size:
+        found = read(path, size=size)
+    return Collection.from_tensor(padded(found.items, size), None, found.names, found.skipped, found.source)
+
+
+def padded(images: Tensor, size: int) -> Tensor:
+    """Images in the middle of size² zeros."""
+    height, width = (size - side for side in images.shape[2:])
+    return F.pad(images, (width // 2, width - width // 2, height // 2, height - height // 2))
