@@ -27,7 +27,7 @@ import numpy as np
 import torch
 
 from unproject import export
-from unproject.data import read, observe
+from unproject.data import observe, read
 from unproject.metrics import ViewAccuracy, confusion_picture, shape_scores, view_accuracy, view_scores
 from unproject.projections.observation import Observation
 from unproject.projections.priors import TURN, Empirical, Product, Uniform

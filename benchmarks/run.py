@@ -6,13 +6,14 @@ import argparse
 import json
 
 import heads
+import lines
 import silhouettes
 import sooner
 import torch
 
 from unproject.training.run_directory import environment
 
-BENCHMARKS = {"silhouettes": silhouettes.run, "heads": heads.run, "sooner": sooner.run}
+BENCHMARKS = {"silhouettes": silhouettes.run, "heads": heads.run, "lines": lines.run, "sooner": sooner.run}
 
 
 def main() -> None:
