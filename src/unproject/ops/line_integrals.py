@@ -43,16 +43,30 @@ def strip_integrals(image: Tensor, angle: Tensor, bins: int) -> Tensor:
 def strip_integrals_sparse(image: Tensor, angle: Tensor, bins: int) -> Tensor:
     """The same, from the few strips that each pixel touches; `angle` gets no gradient."""
     shadows = cast_shadows(angle.detach(), image.shape[2], image.shape[3], bins)
-    return _Cast.apply(image.flatten(2), shadows, False) * (bins / image.shape[3] ** 2)
+    return _Cast.apply(image, shadows, False) * (bins / image.shape[3] ** 2)
 
 
 class Shadows(NamedTuple):
-    """Where pixels fall: the share `shares[m]` (B, pixels) in bin `first + m`; bins are counted from `margin` early."""
+    """Where pixels fall: the share `shares[m]` (B, pixels) in place `first + m` of a table.
+
+    A row of the table is an image's: `margin` places for what falls beside the detectors, the `bins`, and more beside.
+    Of an image with an even number of rows these are the pixels of the upper half: the pixel opposite to another
+    through the centre falls into the bins on the other side, in the same shares.
+    """
 
     first: Tensor
     shares: tuple[Tensor, ...]
+    size: tuple[int, int]
     bins: int
     margin: int
+
+    @property
+    def stride(self) -> int:
+        return self.bins + 2 * self.margin + len(self.shares)
+
+    @property
+    def halved(self) -> bool:
+        return self.size[0] % 2 == 0
 
 
 def cast_shadows(angle: Tensor, height: int, width: int, bins: int) -> Shadows:
@@ -60,17 +74,39 @@ def cast_shadows(angle: Tensor, height: int, width: int, bins: int) -> Shadows:
     position, longer, shorter = _geometry(angle, height, width)
     longer, shorter = (value[:, None, None] * bins for value in (longer, shorter))
     margin = math.ceil((math.hypot(height, width) / width - 1) / 2 * bins) + 1
-    left = (position + 0.5) * bins - (longer + shorter) / 2
+    rows = height // 2 if height % 2 == 0 else height
+    left = torch.add(0.5 * bins - (longer + shorter) / 2, position[:, :rows], alpha=bins)
     edge = left.ceil()  # the first border between bins inside the shadow
     inside, touched = edge - left, math.floor(math.sqrt(2) * bins / width) + 2
-    shares = [_shadow(inside + m, longer, shorter) for m in range(touched - 1)]
-    shares = [shares[0], *(b - a for a, b in zip(shares, shares[1:], strict=False)), 1 - shares[-1]]
-    first = edge.long() + (margin - 1)
-    return Shadows(first.flatten(1), tuple(share.flatten(1) for share in shares), bins, margin)
+    if bins == width:
+        shares = _three_shares(inside, longer, shorter)
+    else:
+        within = [_shadow(inside + m, longer, shorter) for m in range(touched - 1)]
+        shares = (within[0], *(b - a for a, b in zip(within, within[1:], strict=False)), 1 - within[-1])
+    shadows = Shadows(edge, tuple(share.flatten(1) for share in shares), (height, width), bins, margin)
+    start = torch.arange(len(angle), device=angle.device) * shadows.stride + (margin - 1)
+    return shadows._replace(first=(edge.long() + start[:, None, None]).view(-1))
+
+
+def _three_shares(inside: Tensor, longer: Tensor, shorter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """The shares of a shadow in three bins of one pixel's width, its left end `inside` [0, 1) before a border.
+
+    As in `_shadow`, without what cannot be: longer² + shorter² is 1, so the first border is less than `shorter`
+    beyond the longer box, and the second, 1 later, as near to the right end.
+    """
+    scale = 1 / longer
+    curve = scale / (2 * shorter.clamp(min=1e-30))
+    rising = torch.minimum(inside, shorter)
+    before = (rising * curve).sub_(scale).mul_(rising).addcmul_(inside, scale)
+    beyond = (inside - longer).clamp_(min=0)
+    before.addcmul_(beyond.square_(), curve, value=-1)
+    left_over = (longer + shorter - 1 - inside).clamp_(min=0)
+    after = left_over.square_().mul_(curve)
+    return before, (1 - before).sub_(after), after
 
 
 class _Cast(torch.autograd.Function):
-    """Pixels (B, C, pixels) to bins (B, C, D), or `back`, the transposed: each is the other's gradient."""
+    """Images (B, C, H, W) to bins (B, C, D), or `back`, the transposed: each is the other's gradient."""
 
     @staticmethod
     def forward(ctx: Any, values: Tensor, shadows: Shadows, back: bool) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -82,21 +118,47 @@ class _Cast(torch.autograd.Function):
         return _Cast.apply(gradient, ctx.shadows, not ctx.back), None, None
 
 
-def _cast(pixels: Tensor, shadows: Shadows) -> Tensor:
-    total = pixels.new_zeros(*pixels.shape[:2], shadows.bins + 2 * shadows.margin + len(shadows.shares))
-    first = shadows.first[:, None].expand_as(pixels)
-    for m, share in enumerate(shadows.shares):
-        total[..., m:].scatter_add_(2, first, pixels * share[:, None])
-    return total[..., shadows.margin : shadows.margin + shadows.bins]
+def _cast(image: Tensor, shadows: Shadows) -> Tensor:
+    return torch.stack([_cast_channel(channel, shadows) for channel in image.unbind(1)], 1)
 
 
 def _cast_back(bins: Tensor, shadows: Shadows) -> Tensor:
-    bins = torch.nn.functional.pad(bins, (shadows.margin, shadows.margin + len(shadows.shares)))
-    first = shadows.first[:, None].expand(-1, bins.shape[1], -1)
-    pixels = bins.gather(2, first) * shadows.shares[0][:, None]
+    return torch.stack([_cast_channel_back(channel, shadows) for channel in bins.unbind(1)], 1)
+
+
+def _cast_channel(image: Tensor, shadows: Shadows) -> Tensor:
+    """(B, H, W) to (B, D)."""
+    if not shadows.halved:
+        return _scatter(image, shadows)
+    upper, lower = image.chunk(2, 1)
+    return _scatter(upper, shadows) + _scatter(lower.flip(1, 2), shadows).flip(1)
+
+
+def _cast_channel_back(bins: Tensor, shadows: Shadows) -> Tensor:
+    """(B, D) to (B, H, W)."""
+    if not shadows.halved:
+        return _gather(bins, shadows)
+    return torch.cat([_gather(bins, shadows), _gather(bins.flip(1), shadows).flip(1, 2)], 1)
+
+
+def _scatter(pixels: Tensor, shadows: Shadows) -> Tensor:
+    pixels = pixels.flatten(1)
+    total = pixels.new_zeros(len(pixels) * shadows.stride + len(shadows.shares))
+    for m, share in enumerate(shadows.shares):
+        # Flat: scattering along the last of several dimensions is several times slower.
+        total[m:].scatter_add_(0, shadows.first, (pixels * share).view(-1))
+    rows = total[: len(pixels) * shadows.stride].view(len(pixels), -1)
+    return rows[:, shadows.margin : shadows.margin + shadows.bins]
+
+
+def _gather(bins: Tensor, shadows: Shadows) -> Tensor:
+    total = bins.new_zeros(len(bins) * shadows.stride + len(shadows.shares))
+    rows = total[: len(bins) * shadows.stride].view(len(bins), -1)
+    rows[:, shadows.margin : shadows.margin + shadows.bins] = bins
+    pixels = total.index_select(0, shadows.first).view_as(shadows.shares[0]).mul_(shadows.shares[0])
     for m, share in enumerate(shadows.shares[1:], 1):
-        pixels = pixels.addcmul(bins[..., m:].gather(2, first), share[:, None])
-    return pixels
+        pixels.addcmul_(total[m:].index_select(0, shadows.first).view_as(share), share)
+    return pixels.view(len(bins), -1, shadows.size[1])
 
 
 def _geometry(angle: Tensor, height: int, width: int) -> tuple[Tensor, Tensor, Tensor]:
