@@ -21,7 +21,7 @@ from unproject.training.recipe import Recipe
 from unproject.training.recorder import Recorder
 from unproject.training.state import State
 
-TARGET, LIMIT, LONGEST, CHECK = 0.60, 5.5, 300.0, 10.0
+TARGET, LIMIT, LONGEST, CHECK = 0.55, 5.5, 300.0, 10.0
 
 
 def run() -> dict[str, float | str]:

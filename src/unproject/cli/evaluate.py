@@ -45,8 +45,10 @@ def run(
     opened = load(path, trust)
     stored = read_recipe(path)
     recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust)
-    size = opened.generator.sample(1).shape[-1]
-    scores = evaluate(opened, recipe, _reference(reference, stored["arguments"], size), n, seed, ceiling)
+    one = opened.generator.sample(1)
+    if one.shape[1] <= 4:
+        raise UserError(f"{path}: makes images, which cannot be scored yet; look at the pictures in {path}/samples")
+    scores = evaluate(opened, recipe, _reference(reference, stored["arguments"], one.shape[-1]), n, seed, ceiling)
     if json:
         print(json_module.dumps({name: asdict(score) for name, score in scores.items()}, indent=1))
         return

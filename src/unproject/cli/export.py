@@ -81,7 +81,7 @@ def _sampled_before(path: Path) -> ndarray:
 
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return arrays["volume"]
+            return arrays["image" if "image" in arrays else "volume"]
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise UserError(
             f"{path} holds no `volume` array: use a file that `unproject sample` wrote ({error})"

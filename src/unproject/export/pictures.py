@@ -192,9 +192,16 @@ def _format(path: Path) -> str:
 
 
 def sheet_file(volumes: ArrayLike, path: str | PathLike[str], **options: Any) -> Written:
-    """`contact_sheet` as a format of `write`: at the path if it ends in .png, else contact_sheet.png in that folder."""
+    """`contact_sheet` as a format of `write`: at the path if it ends in .png, else contact_sheet.png in that folder.
+
+    Images (N, 1, H, W) are shown as they are, in a grid (`silhouette_sheet`).
+    """
     final = within(Path(path), ".png", "contact_sheet.png")
-    contact_sheet(volumes, final, **options)
+    shape = np.shape(volumes)
+    if len(shape) == 4 and shape[1] == 1:
+        silhouette_sheet(volumes, final, scale=4, **options)
+    else:
+        contact_sheet(volumes, final, **options)
     return Written((final,))
 
 
