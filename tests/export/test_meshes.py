@@ -145,7 +145,7 @@ def test_floaters_and_hidden_hollows_are_left_out():
     [
         (np.zeros((0, 8, 8, 8)), "at least 1"),
         (np.zeros((8, 8)), "volumes are"),
-        (np.zeros((2, 1, 8, 8)), "images"),
+        (np.zeros((2, 3, 8, 8)), "images"),
         (np.stack([np.ones((8, 8, 8)), np.full((8, 8, 8), np.nan)]), "shape 1 holds NaN"),
     ],
 )
@@ -154,6 +154,16 @@ def test_bad_volumes_are_named_by_every_format(tmp_path, volumes, says, to):
     with pytest.raises(UserError, match=says):
         export.write(volumes, to, tmp_path / "out")
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("to", export.FORMATS)
+def test_images_are_for_sheets_alone(tmp_path, to):
+    images = np.zeros((2, 1, 8, 8))
+    if to == "png":
+        assert [path.name for path in export.write(images, to, tmp_path).paths] == ["contact_sheet.png"]
+        return
+    with pytest.raises(UserError, match="images"):
+        export.write(images, to, tmp_path)
 
 
 def test_an_unknown_format_names_the_known_ones(tmp_path):
