@@ -103,7 +103,8 @@ def test_killed_at_an_exact_instant(whole: Path, tmp_path: Path, owner: object, 
 
 def test_what_a_killed_save_left_is_removed(tmp_path: Path) -> None:
     train(toy(steps=2), tmp_path, quiet=True)
-    left = [tmp_path / "checkpoints" / ".step-000000004.0a1b2c3d.tmp.safetensors", tmp_path / ".stats.0a.tmp.jsonl"]
+    of_ours = [tmp_path / "checkpoints" / ".step-000000004.0a1b2c3d.tmp.safetensors", tmp_path / ".stats.0a.tmp.jsonl"]
+    left = [*of_ours, tmp_path / "checkpoints" / ".tmp9o543H"]  # the last one as safetensors names its own
     for path in left:
         path.write_bytes(b"half")
     resume(toy(steps=4), tmp_path, quiet=True)

@@ -67,9 +67,13 @@ def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
 
 
 def remove_temporaries(path: Path) -> None:
-    """Remove what a killed process was writing: each may be as large as a checkpoint."""
-    for temporary in path.rglob(".*.tmp.*"):
-        temporary.unlink(missing_ok=True)
+    """Remove what a killed process was writing: each may be as large as a checkpoint.
+
+    Ours are named as in `atomic_path`; safetensors writes through a temporary file of its own, .tmp and six signs.
+    """
+    for pattern in (".*.tmp.*", ".tmp??????"):
+        for temporary in path.rglob(pattern):
+            temporary.unlink(missing_ok=True)
 
 
 @contextmanager
