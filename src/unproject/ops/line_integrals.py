@@ -49,9 +49,9 @@ def strip_integrals_sparse(image: Tensor, angle: Tensor, bins: int) -> Tensor:
 class Shadows(NamedTuple):
     """Where pixels fall: the share `shares[m]` (B, pixels) in place `first + m` of a table.
 
-    A row of the table is an image's: `margin` places for what falls beside the detectors, the `bins`, and more beside.
-    Of an image with an even number of rows these are the pixels of the upper half: the pixel opposite to another
-    through the centre falls into the bins on the other side, in the same shares.
+    A row of the table is an image's, `stride` places: `margin` for what falls beside the detectors, the `bins`, and
+    more for what falls beside. Of an image with an even number of rows these are the pixels of the upper half: the
+    pixel opposite to another through the centre falls into the bins on the other side, in the same shares.
     """
 
     first: Tensor
@@ -59,10 +59,7 @@ class Shadows(NamedTuple):
     size: tuple[int, int]
     bins: int
     margin: int
-
-    @property
-    def stride(self) -> int:
-        return self.bins + 2 * self.margin + len(self.shares)
+    stride: int
 
     @property
     def halved(self) -> bool:
@@ -83,9 +80,10 @@ def cast_shadows(angle: Tensor, height: int, width: int, bins: int) -> Shadows:
     else:
         within = [_shadow(inside + m, longer, shorter) for m in range(touched - 1)]
         shares = (within[0], *(b - a for a, b in zip(within, within[1:], strict=False)), 1 - within[-1])
-    shadows = Shadows(edge, tuple(share.flatten(1) for share in shares), (height, width), bins, margin)
-    start = torch.arange(len(angle), device=angle.device) * shadows.stride + (margin - 1)
-    return shadows._replace(first=(edge.long() + start[:, None, None]).view(-1))
+    stride = bins + 2 * margin + len(shares)
+    start = torch.arange(len(angle), device=angle.device) * stride + (margin - 1)
+    first = (edge.long() + start[:, None, None]).view(-1)
+    return Shadows(first, tuple(share.flatten(1) for share in shares), (height, width), bins, margin, stride)
 
 
 def _three_shares(inside: Tensor, longer: Tensor, shorter: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -14,16 +14,16 @@ from torch import Tensor
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.assignment import Known, Predicted
+from ..adversarial.assignment import Known
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
-from ..networks import Discriminator, ImageGenerator, ViewPredictor
+from ..networks import Discriminator, ImageGenerator
 from ..projections.line_integral import LineIntegral, directions
 from ..projections.observation import Observation
 from ..training.recipe import Adam, Looks, Recipe
-from .pairing import Views, little_and_often, pair
+from .pairing import Views, five_rounds, little_and_often, pair
 
 
 def digits(
@@ -126,22 +126,11 @@ def digits_paper(
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
-    rounds = Predicted(
-        partial(ViewPredictor, channels=32),
-        (0.2, 0.4, 0.6, 0.8),
-        65536,
-        20_000,
-        32,
-        1e-3,
-        fresh=True,
-        clusters=clusters,
-        restart=True,
-    )
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1),
         looks=look_through(data, views, lines(size, bins, spread), size, looks_per_image, seed),
-        assignment=rounds if views == "predicted" else Known(),
+        assignment=five_rounds(20_000, clusters) if views == "predicted" else Known(),
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
         generator_optimiser=adam,

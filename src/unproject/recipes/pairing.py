@@ -13,6 +13,7 @@ direct      the identity on the things themselves          `Known`, one head (3D
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Literal
 
 import torch
@@ -75,3 +76,21 @@ def little_and_often(rounds: int, balance: float) -> Predicted:
         raise UserError(f"rounds={rounds}, balance={balance}: give at least 1 round and a balance of 0 to 1")
     starts = tuple(0.05 + 0.93 * k / rounds for k in range(rounds))
     return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance)
+
+
+def five_rounds(steps: int, clusters: int | None, binarise: bool = False) -> Predicted:
+    """The released schedule: five rounds of one length, a fresh view predictor in each, most probable views."""
+    predictor = partial(ViewPredictor, channels=32)
+    starts = (0.2, 0.4, 0.6, 0.8)
+    return Predicted(
+        predictor,
+        starts,
+        images=65536,
+        steps=steps,
+        batch=32,
+        learning_rate=1e-3,
+        clusters=clusters,
+        restart=True,
+        binarise=binarise,
+        fresh=True,
+    )

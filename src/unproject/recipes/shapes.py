@@ -11,16 +11,16 @@ from typing import Literal
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.assignment import Known, Predicted
+from ..adversarial.assignment import Known
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..adversarial.regularisers import Solid
 from ..data import Collection, chairs, observe, read, with_flips
-from ..networks import Discriminator, LowRankGenerator, ViewPredictor, VoxelGenerator
+from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training.recipe import Adam, Looks, Recipe
-from .pairing import Views, little_and_often, pair
+from .pairing import Views, five_rounds, little_and_often, pair
 
 EMBEDDED_CHAIRS = 1000
 
@@ -172,20 +172,7 @@ def shapes_paper(
         generator=generator,
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
-        assignment=Predicted(
-            partial(ViewPredictor, channels=32),
-            (0.2, 0.4, 0.6, 0.8),
-            65536,
-            100_000,
-            32,
-            1e-3,
-            fresh=True,
-            clusters=clusters,
-            restart=True,
-            binarise=True,
-        )
-        if views == "predicted"
-        else Known(),
+        assignment=five_rounds(100_000, clusters, binarise=True) if views == "predicted" else Known(),
         loss=Wasserstein() if loss == "wasserstein" else Hinge(),
         penalty=GradientPenalty(10.0) if loss == "wasserstein" else None,
         generator_optimiser=adam,
