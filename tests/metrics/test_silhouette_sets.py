@@ -3,7 +3,8 @@ import torch
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.metrics.silhouette_sets import cubic_kernel, kernel_distance, silhouette_features, silhouette_scores
+from unproject.metrics.feature_sets import kernel_distance
+from unproject.metrics.silhouette_sets import silhouette_features, silhouette_scores
 
 
 def squares(n, seed, size=10, spread=20):
@@ -13,20 +14,6 @@ def squares(n, seed, size=10, spread=20):
     for picture, (row, column) in zip(pictures, places.tolist(), strict=True):
         picture[0, row : row + size, column : column + size] = 1
     return pictures
-
-
-def test_kernel_distance_by_hand():
-    # One feature, x = {0, 1}, y = {1, 2}: k(a, b) = (ab + 1)³. x pairs: k(0, 1) = 1, mean 1. y pairs: k(1, 2) = 27.
-    # Across: k(0,1) = 1, k(0,2) = 1, k(1,1) = 8, k(1,2) = 27, mean 37/4. 1 + 27 - 37/2 = 9.5.
-    # (With the diagonals, biased: (1+1+1+8)/4 + (8+27+27+125)/4 - 18.5 = 31.)
-    x, y = torch.tensor([[0.0], [1.0]]), torch.tensor([[1.0], [2.0]])
-    assert kernel_distance(x, y) == pytest.approx(9.5)
-    assert kernel_distance(y, x) == pytest.approx(9.5)
-
-
-def test_kernel_divides_by_the_number_of_features():
-    # (1·3 + 2·4) / 2 + 1 = 6.5.
-    assert cubic_kernel(torch.tensor([[1.0, 2]]), torch.tensor([[3.0, 4]])).item() == pytest.approx(6.5**3)
 
 
 def test_kernel_distance_is_unbiased_small_within_one_family_and_large_across():

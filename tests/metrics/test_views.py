@@ -153,3 +153,14 @@ def test_confusion_picture_puts_true_bins_down_and_predicted_across():
     left, top = min(x for x, _ in changed), min(y for _, y in changed)
     # Cells are 30 pixels from a margin of 64: column 5 begins at 64 + 150, row 2 at 64 + 60.
     assert (left, top) == (64 + 150 + 1, 64 + 60 + 1)
+
+
+def test_directions_of_half_a_turn_are_relabelled_with_what_they_see_from_behind():
+    """Five of them, an odd number: a turn by 72° sends the fourth to the second seen the other way round."""
+    true = torch.arange(50) % 5
+    for predicted in ((true + 3) % 5, (2 - true) % 5):
+        found = view_accuracy(predicted, true, 5, half=True)
+        assert found.exact == found.within_one == 1 and torch.equal(found.confusion, 10 * torch.eye(5).long())
+        assert found.gauge.bins == 10
+    assert "5 directions of half a turn" in view_scores(found)["view_exact"].protocol
+    assert 0.2 < found.chance_exact < 0.5

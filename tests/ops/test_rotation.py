@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from unproject.ops import camera_frame, quarter_turn, reflect_x, rotate, rotate_y
+from unproject.ops import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
 from unproject.ops.resampling import centres
 
 QUARTER = math.pi / 2
@@ -122,3 +122,18 @@ def test_reflection_is_an_involution_that_reverses_turns() -> None:
     x, azimuth = random_volume(1, 6, 6, 6), torch.tensor([0.4])
     assert torch.equal(reflect_x(reflect_x(x)), x)
     torch.testing.assert_close(rotate_y(reflect_x(x), azimuth), reflect_x(rotate_y(x, -azimuth)), atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("shape", [(6, 6), (5, 5)])
+def test_images_turn_counter_clockwise(shape: tuple[int, int]) -> None:
+    x = random_volume(2, 3, *shape)
+    for k in range(4):
+        turned = rotate_image(x, torch.full((2,), k * QUARTER))
+        torch.testing.assert_close(turned, torch.rot90(x, k, (2, 3)), atol=1e-5, rtol=0)
+
+
+def test_pixels_of_oblong_images_are_square() -> None:
+    """A square in the middle of a wide image stays a square."""
+    x = torch.zeros(1, 1, 8, 16)
+    x[..., 2:6, 6:10] = 1
+    torch.testing.assert_close(rotate_image(x, torch.tensor([QUARTER])), x, atol=1e-5, rtol=0)

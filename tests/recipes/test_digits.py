@@ -13,9 +13,10 @@ import torch
 from unproject._types import UserError
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.data import digits as embedded
+from unproject.data.collection import padded
 from unproject.projections.base import Identity
 from unproject.recipes import find
-from unproject.recipes.digits import digits, digits_paper, padded
+from unproject.recipes.digits import digits, digits_paper
 from unproject.recipes.pairing import Views
 
 
@@ -79,3 +80,30 @@ def test_volumes_are_refused(tmp_path: Path) -> None:
 
 def test_they_are_found_by_name() -> None:
     assert find("digits") is digits and find("digits-paper") is digits_paper
+
+
+def test_measured_lines_are_used_as_they_are(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    lines, angle = rng.random((40, 48), np.float32), rng.integers(10, size=40) * np.pi / 10 + 0.01
+    np.savez(tmp_path / "scans.npz", lines=lines, angle=angle)
+    made = digits(data=tmp_path / "scans.npz", steps=1)
+    for look, collection in made.looks:
+        rows = [int(name) for name in collection.names]
+        assert look.prior.contains(collection.latents).all() and collection.items.shape[1:] == (1, 48)
+        assert np.allclose(collection.items[:, 0].numpy(), lines[rows])
+    assert sum(len(collection) for _, collection in made.looks) == 40
+    (look, collection), *others = digits(data=tmp_path / "scans.npz", views="predicted", steps=1).looks
+    assert len(others) == 9 and np.allclose(collection.items[:, 0].numpy(), lines)
+    assert look.projection(torch.rand(2, 1, 32, 32), angle=torch.zeros(2)).shape == (2, 1, 48)
+    with pytest.raises(UserError, match="direct training needs images"):
+        digits(data=tmp_path / "scans.npz", views="direct", steps=1)
+
+
+def test_lines_without_directions_are_for_predicted_ones(tmp_path: Path) -> None:
+    np.savez(tmp_path / "scans.npz", lines=np.random.default_rng(0).random((40, 1, 16), np.float32))
+    assert digits(data=tmp_path / "scans.npz", views="predicted", steps=1).looks[0][1].items.shape == (40, 1, 16)
+    with pytest.raises(UserError, match="known views are asked for .* `angle`"):
+        digits(data=tmp_path / "scans.npz", steps=1)
+    np.savez(tmp_path / "scans.npz", lines=np.zeros((4, 2, 16), np.float32))
+    with pytest.raises(UserError, match=r"line integrals are \(N, D\)"):
+        digits(data=tmp_path / "scans.npz", steps=1)

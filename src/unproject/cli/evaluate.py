@@ -5,9 +5,15 @@ from __future__ import annotations
 import json as json_module
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .._types import UserError
 from ._machine import use_threads
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from ..data import Collection
 
 
 def run(
@@ -15,19 +21,20 @@ def run(
     /,
     *,
     reference: Path | None = None,
-    n: int = 256,
+    n: int | None = None,
     seed: int = 0,
     ceiling: bool = False,
     json: bool = False,
     threads: int | None = None,
     trust: bool = False,
 ) -> None:
-    """Score a run: shapes or silhouettes against held-out ones, predicted views against true ones where known.
+    """Score a run: shapes, images, or what is seen of them, against held-out ones; predicted views against true ones.
 
     Args:
         path: the run directory.
-        reference: held-out shapes or silhouettes; for the embedded chairs, 200 others of the family.
-        n: how many things to generate.
+        reference: held-out shapes or images, silhouettes or line integrals; for the embedded chairs 200 others of
+            the family, for the embedded digits the 297 that are kept for this.
+        n: how many things to generate; 256 shapes or 2000 images unless given.
         seed: of what is generated and of the measurement.
         ceiling: also train a view predictor on the true views, to say what could be had.
         json: print one JSON object: metric → value, protocol, n, seed.
@@ -36,19 +43,18 @@ def run(
     """
     from ..recipes import rebuild
     from ..training import Origin, load
-    from ..training.evaluation import evaluate
+    from ..training.evaluation import evaluate, makes_images
     from ..training.run_directory import read_recipe
 
     use_threads(threads)
-    if n < 1:
+    if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
     opened = load(path, trust)
     stored = read_recipe(path)
     recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust)
     one = opened.generator.sample(1)
-    if one.shape[1] <= 4:
-        raise UserError(f"{path}: makes images, which cannot be scored yet; look at the pictures in {path}/samples")
-    scores = evaluate(opened, recipe, _reference(reference, stored["arguments"], one.shape[-1]), n, seed, ceiling)
+    held_out = _reference(reference, stored["arguments"], one)
+    scores = evaluate(opened, recipe, held_out, n or (2000 if makes_images(one) else 256), seed, ceiling)
     if json:
         print(json_module.dumps({name: asdict(score) for name, score in scores.items()}, indent=1))
         return
@@ -56,10 +62,13 @@ def run(
         print(f"{name:<16} {score.value:8.4f}   {score.protocol}")
 
 
-def _reference(path: Path | None, arguments: dict[str, object], size: int):  # noqa: ANN202
-    """Held-out things: what the user names, else chairs of another seed if the run was trained on chairs."""
-    from ..data import Collection, chairs, read
+def _reference(path: Path | None, arguments: dict[str, object], one: Tensor) -> Collection | None:
+    """Held-out things: what the user names, else those kept of the embedded default if the run was trained on it."""
+    from ..data import Collection, chairs, digits, read, read_images
 
+    images, size = one.shape[1] <= 4, one.shape[-1]
     if path is not None:
-        return read(path, size=size)
-    return Collection(chairs(200, size, seed=1)) if arguments.get("data") is None else None
+        return read_images(path, size) if images else read(path, size=size)
+    if arguments.get("data") is not None:
+        return None
+    return Collection(digits(size, held_out=True) if images else chairs(200, size, seed=1))

@@ -1,8 +1,8 @@
 """Collections and their readers: folders of pictures, arrays, 3-D collections, the procedural chairs, and digits."""
 
 from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
-from .collection import Collection, read, read_shapes
-from .digits import digits
+from .collection import Collection, read, read_images, read_shapes
+from .digits import digit_labels, digits
 from .flips import with_flips
 from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
@@ -24,12 +24,14 @@ __all__ = [
     "chair_parameters",
     "chairs",
     "contact_sheet",
+    "digit_labels",
     "digits",
     "frame",
     "held_out",
     "inspect",
     "observe",
     "read",
+    "read_images",
     "read_shapes",
     "with_flips",
 ]

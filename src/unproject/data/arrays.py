@@ -1,7 +1,8 @@
 """Arrays: .npz and .npy files of pictures or volumes, and idx files (the format of MNIST).
 
 Values are bool, uint8 (shares of 255) or float in [0, 1]. Pictures are (N, H, W), (N, C, H, W) or (N, H, W, C) with
-C of 1, 3 or 4; volumes (N, X, Y, Z). Known views may stand beside them as `azimuth` and `elevation`, (N,) radians.
+C of 1, 3 or 4; volumes (N, X, Y, Z); line integrals (N, D) or (N, 1, D), named `lines`. Known views may stand beside
+them as `azimuth` and `elevation`, or `angle`, (N,) radians.
 """
 
 from __future__ import annotations
@@ -22,13 +23,14 @@ from .records import Records
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
+LINES = ("line", "lines", "line_integrals")
 LATENTS = ("azimuth", "elevation", "angle")
 
 
 def read_arrays(path: Path, size: int | None = None, framing: Framing | None = None, strict: bool = False) -> Records:
-    """Pictures (N, 1, H, W) or volumes (N, X, Y, Z) of an .npz, .npy or idx file.
+    """Pictures (N, 1, H, W), volumes (N, X, Y, Z) or lines (N, 1, D) of an .npz, .npy or idx file.
 
-    Pictures are as given unless a framing is; `size` resamples either by area.
+    Pictures are as given unless a framing is; `size` resamples pictures and volumes by area, and leaves lines alone.
 
     Raises:
         UserError: naming the file, the key and what to mend.
@@ -37,6 +39,8 @@ def read_arrays(path: Path, size: int | None = None, framing: Framing | None = N
     key = _data_key(path, arrays)
     values = checked_values(arrays[key], f"{path}: {key}")
     latents = _latents(path, arrays, len(values))
+    if key in LINES:
+        return Records.from_tensor(_lines(path, key, values), latents, source=str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
         return Records.from_tensor(resized_volumes(_volumes(path, key, values), size), latents, source=str(path))
     return _pictures(path, key, values, latents, size, framing or AS_GIVEN, strict)
@@ -82,14 +86,15 @@ def read_idx(path: Path) -> np.ndarray:
 
 def _data_key(path: Path, arrays: Mapping[str, np.ndarray]) -> str:
     """The key of the pictures or volumes: one of the known names, else the only array of 3 or 4 axes."""
-    named = [key for key in (*VOLUMES, *PICTURES) if key in arrays]
+    named = [key for key in (*VOLUMES, *PICTURES, *LINES) if key in arrays]
     found = named or [key for key, value in arrays.items() if value.ndim in (3, 4)]
     if len(found) == 1:
         return found[0]
     known = ", ".join((VOLUMES[0], PICTURES[1], PICTURES[3]))
     raise UserError(
         f"{path}: holds {', '.join(f'{k} {v.shape}' for k, v in arrays.items()) or 'nothing'}, of which "
-        f"{'several' if found else 'none'} could be the data; save one array (N, H, W) or (N, X, Y, Z) named {known}"
+        f"{'several' if found else 'none'} could be the data; save one array (N, H, W) or (N, X, Y, Z) named {known}, "
+        f"or (N, D) named {LINES[1]}"
     )
 
 
@@ -132,6 +137,13 @@ def _volumes(path: Path, key: str, values: np.ndarray) -> Tensor:
     values = values[:, 0] if values.ndim == 5 and values.shape[1] == 1 else values
     if values.ndim != 4 or len(set(values.shape[1:])) != 1:
         raise UserError(f"{path}: {key}: is of shape {values.shape}; volumes are (N, X, Y, Z) with X = Y = Z")
+    return torch.from_numpy(values)
+
+
+def _lines(path: Path, key: str, values: np.ndarray) -> Tensor:
+    values = values[:, None] if values.ndim == 2 else values
+    if values.ndim != 3 or values.shape[1] != 1:
+        raise UserError(f"{path}: {key}: is of shape {values.shape}; line integrals are (N, D) or (N, 1, D)")
     return torch.from_numpy(values)
 
 

@@ -2,6 +2,7 @@
 
 Collection("masks/")             a folder of pictures, framed as `framing.py` says
 Collection("masks.npz")          arrays, as they are unless a framing is given; also .npy and idx files
+Collection("scans.npz")          line integrals, an array (N, D) named `lines`
 Collection("chairs.npz:chair")   volumes: .npz of voxels, .binvox, meshes, or a folder of them
 Collection(tensor)               items in memory
 """
@@ -11,6 +12,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Any
+
+import torch.nn.functional as F
+from torch import Tensor
 
 from .._types import UserError
 from .arrays import read_arrays
@@ -51,6 +55,30 @@ def read(
 ) -> Collection:
     """The collection at a path, whatever its kind: see `Collection`."""
     return Collection(path, size=size, framing=framing, strict=strict)
+
+
+def read_images(path: str | os.PathLike[str], size: int) -> Collection:
+    """Pictures (N, 1, size, size), or the line integrals (N, 1, D) that a file holds as `lines`.
+
+    Smaller pictures get a dark margin all around, as MNIST's 28² do; larger ones are resampled.
+
+    Raises:
+        UserError: as `read`, and for pictures of several channels or volumes.
+    """
+    found = read(path)
+    if found.items.dim() == 3 and found.items.shape[1] == 1:
+        return found
+    if found.items.dim() != 4 or found.items.shape[1] != 1:
+        raise UserError(f"{path}: holds no pictures of one channel, but items of shape {tuple(found.items.shape[1:])}")
+    if max(found.items.shape[2:]) > size:
+        found = read(path, size=size)
+    return Collection.from_tensor(padded(found.items, size), found.latents, found.names, found.skipped, found.source)
+
+
+def padded(images: Tensor, size: int) -> Tensor:
+    """Images in the middle of size² zeros."""
+    height, width = (size - side for side in images.shape[2:])
+    return F.pad(images, (width // 2, width - width // 2, height // 2, height - height // 2))
 
 
 def read_shapes(path: str | os.PathLike[str], resolution: int = 32, **options: Any) -> Collection:

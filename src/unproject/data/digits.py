@@ -21,11 +21,20 @@ def digits(size: int = 32, held_out: bool = False) -> Tensor:
 
     The 8² pixels become (3/4 size)² smoothly, with a margin of an eighth of the side all around, as MNIST has.
     """
-    with as_file(files("unproject.data") / "digits8.npz") as path:
-        stored = np.load(path, allow_pickle=False)["images"]
-    images = torch.from_numpy(stored[-HELD_OUT:] if held_out else stored[:-HELD_OUT]).float()[:, None] / 16
+    images = _stored("images", held_out).float()[:, None] / 16
     inner = size * 3 // 4
     images = F.interpolate(images, size=(inner, inner), mode="bicubic", align_corners=False).clamp(0, 1)
     before = (size - inner) // 2
     after = size - inner - before
     return F.pad(images, (before, after, before, after))
+
+
+def digit_labels(held_out: bool = False) -> Tensor:
+    """Which digit each of `digits(held_out=...)` is, (N,) integers 0 to 9: for scores, never for training."""
+    return _stored("labels", held_out).long()
+
+
+def _stored(name: str, held_out: bool) -> Tensor:
+    with as_file(files("unproject.data") / "digits8.npz") as path:
+        stored = np.load(path, allow_pickle=False)[name]
+    return torch.from_numpy(stored[-HELD_OUT:] if held_out else stored[:-HELD_OUT])

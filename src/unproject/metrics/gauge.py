@@ -1,4 +1,4 @@
-"""Gauge: the turn about the up axis and the reflection that silhouettes of unknown view cannot tell.
+"""Gauge: the turn and the reflection that silhouettes, or line integrals, of unknown view cannot tell.
 
 With P(x, k) the orthographic silhouette of x in azimuth bin k of K (centre 2πk/K, elevation 0), T_t the turn
 `rotate_y` by 2πt/K and F the reflection of x into -x,
@@ -10,6 +10,10 @@ With P(x, k) the orthographic silhouette of x in azimuth bin k of K (centre 2πk
 so every shape of the dihedral family T_t F^r explains the same pictures after the views are relabelled
 k → k + t or k → K/2 - t - k. Perspective and tilted cameras break the last line, not the group: there a
 reflection changes the pictures, and the best gauge tells whether it was found out.
+
+Images and their line integrals at the angles 2πk/K obey the same two laws, with T_t the turn by -2πt/K
+(`rotate_image`) and F the exchange of left and right. When the angles cover half a turn only, K is twice their
+number, and k + K/2, which sees the same in the other direction, is called k: views are then relabelled modulo K/2.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.rotation import quarter_turn, reflect_x, rotate_y
+from ..ops.rotation import quarter_turn, reflect_x, rotate_image, rotate_y
 from .distances import check_set, one_minus_iou
 from .shape_sets import minimum_matching_distance
 
@@ -89,6 +93,18 @@ def apply(volumes: Tensor, gauge: Gauge) -> Tensor:
 
 def _turned(volumes: Tensor, azimuth: float) -> Tensor:
     return rotate_y(volumes, volumes.new_full((len(volumes),), azimuth))
+
+
+def apply_to_images(images: Tensor, gauge: Gauge) -> Tensor:
+    """T_turn F^reflected of each image (B, C, H, W): left and right exchanged first, then turned clockwise.
+
+    Bilinear but for quarter turns of square images, which are permutations; what leaves the image is lost.
+    """
+    images = images.flip(3) if gauge.reflected else images
+    quarters, rest = divmod(4 * gauge.turn, gauge.bins)
+    if rest == 0 and images.shape[2] == images.shape[3]:
+        return torch.rot90(images, -quarters, (2, 3)) if quarters else images
+    return rotate_image(images, images.new_full((len(images),), -gauge.azimuth))
 
 
 @torch.no_grad()

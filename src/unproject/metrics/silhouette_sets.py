@@ -1,16 +1,7 @@
 """How near generated silhouettes are to held-out real ones: where there is no 3-D to compare with.
 
-MMD, COV and 1-NNA on 1 - IoU (see `shape_sets`), and a kernel distance: the unbiased squared maximum mean
-discrepancy with the cubic kernel of KID, on fixed features made by hand, so no weights are downloaded:
-
-    k(a, b) = (a·b / d + 1)³
-    KD = Σ_{i≠j} k(x_i, x_j) / m(m-1) + Σ_{i≠j} k(y_i, y_j) / n(n-1) - 2 Σ_{i,j} k(x_i, y_j) / mn
-
-It is 0 on average for two samples of one distribution, and may then come out slightly negative.
-
-References:
-    Bińkowski et al., Demystifying MMD GANs, ICLR 2018 (KID).
-    Gretton et al., A Kernel Two-Sample Test, JMLR 2012 (the unbiased estimator).
+MMD, COV and 1-NNA on 1 - IoU (see `shape_sets`), and a kernel distance (see `feature_sets`) on fixed features made
+by hand, so no weights are downloaded.
 """
 
 from __future__ import annotations
@@ -21,6 +12,7 @@ from torch.nn.functional import adaptive_avg_pool1d, adaptive_avg_pool2d
 
 from .._types import UserError
 from .distances import THRESHOLD, check_set, one_minus_iou
+from .feature_sets import kernel_distance
 from .score import Score
 from .shape_scores import set_scores
 
@@ -67,25 +59,3 @@ def silhouette_features(silhouettes: Tensor) -> Tensor:
     coverage = adaptive_avg_pool2d(mask, GRID).flatten(1)
     rows, columns = adaptive_avg_pool1d(mask.mean(3), PROFILE), adaptive_avg_pool1d(mask.mean(2), PROFILE)
     return torch.cat([coverage, rows[:, 0], columns[:, 0]], 1)
-
-
-def kernel_distance(x: Tensor, y: Tensor) -> float:
-    """The unbiased squared maximum mean discrepancy of features x (m, d) and y (n, d), cubic kernel.
-
-    Raises:
-        UserError: if a set has fewer than two members or the features differ in number.
-    """
-    if min(len(x), len(y)) < 2 or x.shape[1:] != y.shape[1:]:
-        raise UserError(f"kernel distance: give at least two items of one size a set, not {len(x)} and {len(y)}")
-    x, y = x.double(), y.double()
-    return (_mean_of_pairs(x) + _mean_of_pairs(y) - 2 * cubic_kernel(x, y).mean()).item()
-
-
-def _mean_of_pairs(x: Tensor) -> Tensor:
-    kernel = cubic_kernel(x, x)
-    return (kernel.sum() - kernel.trace()) / (len(x) * (len(x) - 1))
-
-
-def cubic_kernel(x: Tensor, y: Tensor) -> Tensor:
-    """K[i, j] = (x_i · y_j / d + 1)³ of (m, d) and (n, d)."""
-    return (x @ y.T / x.shape[1] + 1) ** 3

@@ -4,6 +4,8 @@ With predicted bins p and true bins t of K, and the 2K relabellings q(p) = ±p +
 
     exact = max over q of  mean [q(p) = t]          within one = mean [|q(p) - t| ≤ 1 around the circle], same q
 
+The directions of line integrals cover half a turn: there K is twice their number, and q is taken modulo K / 2.
+
 Labels that know nothing score above 1/K, because the best of 2K is taken: the chance level is what the same
 maximum gives on average when the predicted labels are shuffled.
 """
@@ -50,7 +52,7 @@ class ViewAccuracy:
 
 
 def view_accuracy(
-    predicted: Tensor, true: Tensor, bins: int = 16, *, seed: int = 0, trials: int = TRIALS
+    predicted: Tensor, true: Tensor, bins: int = 16, *, half: bool = False, seed: int = 0, trials: int = TRIALS
 ) -> ViewAccuracy:
     """Accuracy of predicted view bins, maximised over the 2 · bins dihedral relabellings.
 
@@ -59,26 +61,27 @@ def view_accuracy(
     Args:
         predicted: (N,) integers in [0, bins).
         true: (N,) integers in [0, bins).
-        bins: azimuth bins of a full turn, an even number.
+        bins: azimuth bins of a full turn, an even number; or directions of half a turn, any number.
+        half: whether the bins cover half a turn, as directions of line integrals do.
         seed, trials: of the Monte Carlo chance level.
 
     Raises:
         UserError: if there are no labels, their numbers differ, or one lies outside [0, bins).
     """
     _check_labels(predicted, true, bins)
-    table = _relabellings(bins)
+    table = _relabellings(bins, half)
     found = _confusions(predicted[None].long(), true.long(), bins)
     exact, within = (score[0] for score in _scores(found, table))
     best = max(range(len(table)), key=lambda q: (exact[q].item(), within[q].item()))
     counts = [torch.bincount(labels.long(), minlength=bins) for labels in (predicted, true)]
-    chance = chance_level(counts[0], counts[1], seed=seed, trials=trials)
+    chance = chance_level(counts[0], counts[1], half=half, seed=seed, trials=trials)
     confusion = found[0][:, table[best].argsort()].long()
-    gauge = dihedral(bins)[best]
+    gauge = _gauges(bins, half)[best]
     return ViewAccuracy(exact[best].item(), within[best].item(), gauge, confusion, *chance)
 
 
 def chance_level(
-    predicted_counts: Tensor, true_counts: Tensor, *, seed: int = 0, trials: int = TRIALS
+    predicted_counts: Tensor, true_counts: Tensor, *, half: bool = False, seed: int = 0, trials: int = TRIALS
 ) -> tuple[float, float]:
     """What `view_accuracy` gives on average, (exact, within one), for labels independent of the truth.
 
@@ -94,7 +97,7 @@ def chance_level(
     bins = len(true_counts)
     predicted, true = (torch.arange(bins).repeat_interleave(c.long()) for c in (predicted_counts, true_counts))
     _check_labels(predicted, true, bins)
-    rng, table = generator_at(seed, 0, "chance"), _relabellings(bins)
+    rng, table = generator_at(seed, 0, "chance"), _relabellings(bins, half)
     shuffled = torch.stack([predicted[torch.randperm(len(predicted), generator=rng)] for _ in range(trials)])
     exact, within = _scores(_confusions(shuffled, true, bins), table)
     best = exact.argmax(1, keepdim=True)
@@ -110,8 +113,9 @@ def of_ceiling(accuracy: ViewAccuracy, ceiling: ViewAccuracy) -> float:
 
 def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, seed: int = 0) -> dict[str, Score]:
     """`view_exact`, `view_within_one`, their chance levels and, with a ceiling, it and the share of it reached."""
-    bins, n = accuracy.gauge.bins, accuracy.n
-    setting = f"{bins} azimuth bins, best of {2 * bins} dihedral relabellings by exact accuracy, {n} views"
+    bins, n = len(accuracy.confusion), accuracy.n
+    what = "azimuth bins" if bins == accuracy.gauge.bins else "directions of half a turn"
+    setting = f"{bins} {what}, best of {2 * bins} dihedral relabellings by exact accuracy, {n} views"
     values = {
         "view_exact": (accuracy.exact, "exact accuracy"),
         "view_within_one": (accuracy.within_one, "accuracy within one bin"),
@@ -124,9 +128,14 @@ def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, see
     return {name: Score(value, f"{what}, {setting}", n, seed) for name, (value, what) in values.items()}
 
 
-def _relabellings(bins: int) -> Tensor:
+def _gauges(bins: int, half: bool) -> tuple[Gauge, ...]:
+    """Of gauges that differ by half a turn labels of half a turn cannot tell: the first of each two."""
+    return tuple(g for g in dihedral(2 * bins) if g.turn < bins) if half else dihedral(bins)
+
+
+def _relabellings(bins: int, half: bool) -> Tensor:
     """Q[g, p]: the true bin that prediction p stands for if gauge g takes the learned frame to the true one."""
-    return torch.stack([gauge.inverse.view(torch.arange(bins)) for gauge in dihedral(bins)])
+    return torch.stack([gauge.inverse.view(torch.arange(bins)) % bins for gauge in _gauges(bins, half)])
 
 
 def _confusions(predicted: Tensor, true: Tensor, bins: int) -> Tensor:

@@ -6,7 +6,7 @@ from .hull import visual_hull
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .resampling import orthographic_rays, perspective_rays, sample_volume
-from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_y
+from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
 
 __all__ = [
     "absorption",
@@ -19,6 +19,7 @@ __all__ = [
     "quarter_turn",
     "reflect_x",
     "rotate",
+    "rotate_image",
     "rotate_y",
     "sample_volume",
     "strip_integrals",

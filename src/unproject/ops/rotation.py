@@ -1,4 +1,4 @@
-"""Rotation of volumes into the frame of a camera.
+"""Rotation of volumes into the frame of a camera, and of images.
 
 A camera at azimuth a and elevation e stands in direction d and sees the right r and up u of the object as
 
@@ -77,3 +77,12 @@ def quarter_turn(x: Tensor, k: int) -> Tensor:
 def reflect_x(x: Tensor) -> Tensor:
     """The mirror image: left and right exchanged."""
     return x.flip(1)
+
+
+def rotate_image(x: Tensor, angle: Tensor) -> Tensor:
+    """Images (B, C, H, W) of square pixels turned counter-clockwise by `angle` (B,), bilinear; zero outside."""
+    height, width = x.shape[2:]
+    c, s = (value[:, None, None] for value in cos_sin(angle.to(x)))
+    right, down = centres(width, x) * width, centres(height, x)[:, None] * height
+    grid = torch.stack(((right * c - down * s) / width, (right * s + down * c) / height), -1)
+    return F.grid_sample(x, grid, align_corners=False)

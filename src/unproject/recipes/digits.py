@@ -9,19 +9,15 @@ import math
 from functools import partial
 from pathlib import Path
 
-import torch.nn.functional as F
-from torch import Tensor
-
 from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.assignment import Known
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..data import Collection, observe, read
+from ..data import Collection, observe, read_images
 from ..data import digits as embedded_digits
 from ..networks import Discriminator, ImageGenerator
 from ..projections.line_integral import LineIntegral, directions
-from ..projections.observation import Observation
 from ..training.recipe import Adam, Looks, Recipe
 from .pairing import Views, five_rounds, little_and_often, pair
 
@@ -75,7 +71,7 @@ def digits(
         discriminator=partial(
             Discriminator, channels=32 if views == "direct" else 64, shared=4, bottleneck=256, common=True
         ),
-        looks=look_through(data, views, lines(size, bins, spread), size, looks_per_image, seed),
+        looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
         assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
@@ -129,7 +125,7 @@ def digits_paper(
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1),
-        looks=look_through(data, views, lines(size, bins, spread), size, looks_per_image, seed),
+        looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
         assignment=five_rounds(20_000, clusters) if views == "predicted" else Known(),
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
@@ -144,33 +140,17 @@ def digits_paper(
     )
 
 
-def lines(size: int, bins: int, spread: float) -> tuple[Observation, ...]:
-    """The ways of looking, from degrees."""
-    return directions(bins, math.radians(spread), LineIntegral(size))
-
-
 def look_through(
-    data: Path | None, views: Views, ways: tuple[Observation, ...], size: int, looks_per_image: int, seed: int
+    data: Path | None, views: Views, size: int, bins: int, spread: float, looks_per_image: int, seed: int
 ) -> Looks:
-    """Pair directions with the line integrals of the images of `data`."""
-    images = Collection(embedded_digits(size)) if data is None else read_images(data, size)
-    if views == "direct":
-        return pair(views, ways, images)
-    where = derived_seed(seed, 0, "line integrals")
-    return pair(views, ways, observe(images, ways, looks_per_image, where, chunk=4096))
-
-
-def read_images(path: Path, size: int) -> Collection:
-    """Pictures (N, 1, size, size): smaller ones get a dark margin, as MNIST's 28² does; larger ones are resampled."""
-    found = read(path)
-    if found.items.dim() != 4 or found.items.shape[1] != 1:
-        raise UserError(f"{path}: holds no pictures of one channel, but items of shape {tuple(found.items.shape[1:])}")
-    if max(found.items.shape[2:]) > size:
-        found = read(path, size=size)
-    return Collection.from_tensor(padded(found.items, size), None, found.names, found.skipped, found.source)
-
-
-def padded(images: Tensor, size: int) -> Tensor:
-    """Images in the middle of size² zeros."""
-    height, width = (size - side for side in images.shape[2:])
-    return F.pad(images, (width // 2, width - width // 2, height // 2, height - height // 2))
+    """Pair directions, in degrees, with the line integrals of the images of `data`, or those that it holds."""
+    found = Collection(embedded_digits(size)) if data is None else read_images(data, size)
+    measured = found.items.dim() == 3
+    detectors = found.items.shape[2] if measured else size
+    ways = directions(bins, math.radians(spread), LineIntegral(detectors))
+    if views == "direct" and measured:
+        raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
+    if views != "direct" and not measured:
+        where = derived_seed(seed, 0, "line integrals")
+        found = observe(found, ways, looks_per_image, where, chunk=4096)
+    return pair(views, ways, found)

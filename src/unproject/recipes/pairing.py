@@ -47,8 +47,8 @@ def by_known_view(collection: Collection, ways: Sequence[Observation]) -> Looks:
     first = names[0]
     if collection.latents is None or first not in collection.latents:
         raise UserError(
-            f"{collection.source}: known views are asked for but none are there; add a views.csv "
-            f"(file,{first} in degrees) or use --views predicted"
+            f"{collection.source}: known views are asked for but none are there; add a views.csv (file,{first} in "
+            f"degrees) to a folder or an array `{first}` (radians) to an .npz, or use --views predicted"
         )
     latents = {name: torch.zeros(len(collection)) for name in names} | collection.latents
     inside = torch.stack([observation.prior.contains(latents) for observation in ways]).any(0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -11,12 +12,24 @@ from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..adversarial.assignment import Predicted, predict, train_predictor
 from ..data import Collection
-from ..metrics import Score, ViewAccuracy, shape_scores, silhouette_scores, view_accuracy, view_scores
+from ..metrics import (
+    Score,
+    ViewAccuracy,
+    image_scores,
+    line_scores,
+    shape_scores,
+    silhouette_scores,
+    view_accuracy,
+    view_scores,
+)
 from ..networks import ViewPredictor
+from ..projections.priors import Prior
 from . import checkpoint
 from .panel import Panel, build_panels
 from .recipe import Recipe
 from .run_directory import Run
+
+ANYWHERE = 16  # turns tried where nothing says how many there are
 
 
 def evaluate(
@@ -30,7 +43,7 @@ def evaluate(
     """Score a run on everything it allows.
 
     Args:
-        reference: held-out volumes or silhouettes; None: only scores that need none.
+        reference: held-out things, or held-out silhouettes or line integrals; None: only scores that need none.
         n: how many things to generate.
         ceiling: also train a view predictor on the true labels, which takes a minute or two.
 
@@ -40,21 +53,35 @@ def evaluate(
     panel = assigned_panel(run, recipe)
     generated = run.generator.sample(n, seed)
     scores: dict[str, Score] = {}
-    if reference is not None and reference.items.dim() == 4 and reference.items.shape[1:] == generated.shape[1:]:
-        bins = _gauge_bins(recipe, panel)
-        scores |= shape_scores(generated, reference.items, selection=None, bins=bins, seed=seed)
-    elif reference is not None:
-        scores |= silhouette_scores(_seen(panel, generated, seed), reference.items, seed=seed)
+    if reference is not None:
+        scores |= _set_scores(recipe, panel, generated, reference.items, seed)
     true = true_views(recipe, panel)
     if isinstance(recipe.assignment, Predicted) and true is not None:
-        bins = azimuth_count(panel)
-        per_bin = len(panel.observations) // bins
-        found = view_accuracy(panel.ways // per_bin, true // per_bin, bins)
         best = supervised_ceiling(panel, true, recipe.seed) if ceiling else None
-        scores |= view_scores(found, best, seed)
+        scores |= view_scores(_accuracy(panel, panel.ways, true), best, seed)
     if not scores:
-        raise UserError(f"{run.path}: nothing to score against; give --reference, held-out shapes or silhouettes")
+        raise UserError(f"{run.path}: nothing to score against; give --reference, held-out things of the same kind")
     return scores
+
+
+def _set_scores(recipe: Recipe, panel: Panel, generated: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
+    """The scores that fit what the references are: the things themselves, or what was seen of such things."""
+    if reference.shape[1:] == generated.shape[1:]:
+        score = image_scores if makes_images(generated) else shape_scores
+        return score(generated, reference, selection=None, bins=free_turns(recipe, panel), seed=seed)
+    seen = _seen(panel, generated, seed)
+    if reference.shape[1:] != seen.shape[1:]:
+        raise UserError(
+            f"references are of shape {tuple(reference.shape[1:])}, which is neither that of what is generated, "
+            f"{tuple(generated.shape[1:])}, nor that of what is seen of it, {tuple(seen.shape[1:])}"
+        )
+    score = line_scores if reference.dim() == 3 else silhouette_scores
+    return score(seen, reference, seed=seed)
+
+
+def makes_images(generated: Tensor) -> bool:
+    """Images have up to four channels, (B, C, H, W); volumes (B, X, Y, Z) are never so thin."""
+    return generated.shape[1] <= 4
 
 
 def assigned_panel(run: Run, recipe: Recipe) -> Panel:
@@ -67,10 +94,10 @@ def assigned_panel(run: Run, recipe: Recipe) -> Panel:
 
 def true_views(recipe: Recipe, panel: Panel) -> Tensor | None:
     """The observation whose prior contains the known latents of each image; None if they are not known."""
-    latents = recipe.looks[0][1].latents
-    if latents is None or panel.items.dim() != 4 or "azimuth" not in latents:
+    latents, names = recipe.looks[0][1].latents, panel.observations[0].prior.names
+    if latents is None or not names or names[0] not in latents:
         return None
-    known = {"elevation": torch.zeros(len(panel.items)), **latents}
+    known = {name: torch.zeros(len(panel.items)) for name in names} | latents
     inside = torch.stack([observation.prior.contains(known) for observation in panel.observations], 1)
     return inside.long().argmax(1) if bool(inside.any(1).all()) else None
 
@@ -82,7 +109,7 @@ def supervised_ceiling(panel: Panel, true: Tensor, seed: int, steps: int = 600) 
     together, so hardly any shape is in both halves.
     """
     settings = Predicted(ViewPredictor, steps=steps)
-    ways, bins = len(panel.observations), azimuth_count(panel)
+    ways = len(panel.observations)
     half = len(true) // 2
     folds = (torch.arange(half), torch.arange(half, len(true)))
     predicted = torch.empty_like(true)
@@ -91,21 +118,38 @@ def supervised_ceiling(panel: Panel, true: Tensor, seed: int, steps: int = 600) 
             predictor = settings.predictor(panel.shape, ways)
         train_predictor(predictor, panel.items[train], true[train], settings, derived_seed(seed, fold, "ceiling"))
         predicted[test] = predict(predictor, panel.items[test]).argmax(1)
-    per_bin = ways // bins
-    return view_accuracy(predicted // per_bin, true // per_bin, bins)
+    return _accuracy(panel, predicted, true)
 
 
-def azimuth_count(panel: Panel) -> int:
-    """How many azimuth bins the observations have; bands of elevation share them."""
-    azimuths = {getattr(o.prior, "factors", (o.prior,))[0] for o in panel.observations}
-    return len(azimuths)
+def _accuracy(panel: Panel, predicted: Tensor, true: Tensor) -> ViewAccuracy:
+    """Up to gauge, by the first latent alone: azimuth, whatever the elevation, or angle."""
+    bins = bin_count(panel)
+    each = len(panel.observations) // bins
+    return view_accuracy(predicted // each, true // each, bins, half=panel.observations[0].prior.names[0] == "angle")
 
 
-def _gauge_bins(recipe: Recipe, panel: Panel) -> int | None:
-    """Turns are free unless the views are known; one look from all around leaves every turn free."""
-    if isinstance(recipe.assignment, Predicted):
-        return azimuth_count(panel)
-    return 16 if panel.items.dim() == 4 and len(panel.observations) == 1 and panel.items.shape[1] == 1 else None
+def bin_count(panel: Panel) -> int:
+    """How many bins of the first latent the observations have; bands of elevation share them."""
+    return len(_firsts([observation.prior for observation in panel.observations]))
+
+
+def _firsts(priors: Sequence[Prior]) -> set[Prior]:
+    """The different priors of the first latent."""
+    return {getattr(prior, "factors", (prior,))[0] for prior in priors}
+
+
+def free_turns(recipe: Recipe, panel: Panel) -> int | None:
+    """Of how many turns the best is to be taken when things are scored; None if they stand as they should.
+
+    Where views are predicted any turn by a bin explains the same pictures, and where there is one look from
+    everywhere any turn at all does. Directions of line integrals cover half a turn, so twice as many make a whole one.
+    """
+    names, prior = panel.observations[0].prior.names, panel.observations[0].prior
+    if not names or not (isinstance(recipe.assignment, Predicted) or len(panel.observations) == 1):
+        return None
+    several = len(panel.observations) > 1
+    bins = bin_count(panel) if several else len(_firsts(getattr(prior, "parts", ()))) or ANYWHERE
+    return 2 * bins if names[0] == "angle" else bins
 
 
 def _seen(panel: Panel, generated: Tensor, seed: int) -> Tensor:

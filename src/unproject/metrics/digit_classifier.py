@@ -1,0 +1,68 @@
+"""The features that digits are compared on: a small classifier, trained by `tools/train_digit_classifier.py`.
+
+Its weights come with the package, so nothing is downloaded; the file says on what it was trained, and how often it
+is right on images that it never saw.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import as_file, files
+
+import torch
+import torch.nn.functional as F
+from safetensors import safe_open
+from torch import Tensor, nn
+
+from .._types import UserError
+
+SIDE, FEATURES, CLASSES = 32, 64, 10
+BATCH = 500
+
+
+class DigitClassifier(nn.Module):
+    """Three 3² convolutions of 16, 32 and 64 channels, each halving the side, 64 features, ten classes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        for before, after in ((1, 16), (16, 32), (32, 64)):
+            layers += [nn.Conv2d(before, after, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2)]
+        self.body = nn.Sequential(*layers, nn.Flatten(), nn.Linear(64 * (SIDE // 8) ** 2, FEATURES))
+        self.head = nn.Linear(FEATURES, CLASSES)
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, 64) features and (B, 10) logits of images (B, 1, 32, 32) in [0, 1]."""
+        features = self.body(images)
+        return features, self.head(F.relu(features))
+
+
+@cache
+def digit_classifier() -> DigitClassifier:
+    """The classifier with the weights of the package, in evaluation mode."""
+    classifier = DigitClassifier()
+    with (
+        as_file(files("unproject.metrics") / "digit_classifier.safetensors") as path,
+        safe_open(path, "pt") as stored,  # pyright: ignore[reportGeneralTypeIssues]
+    ):
+        classifier.load_state_dict({name: stored.get_tensor(name).float() for name in stored.keys()})  # noqa: SIM118
+    return classifier.eval().requires_grad_(False)
+
+
+@torch.no_grad()
+def digit_features(images: Tensor) -> tuple[Tensor, Tensor]:
+    """(N, 64) features and (N,) classes 0 to 9 of white digits on black, (N, 1, H, W) in [0, 1].
+
+    Other sizes than 32² are resampled.
+
+    Raises:
+        UserError: for other shapes, no image, or NaN.
+    """
+    if images.dim() != 4 or images.shape[1] != 1 or not images.numel():
+        raise UserError(f"digit features: give images (N, 1, H, W), not {tuple(images.shape)}")
+    if not bool(torch.isfinite(images).all()):
+        raise UserError("digit features: the images have NaN or infinite values")
+    if images.shape[2:] != (SIDE, SIDE):
+        images = F.interpolate(images, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=True)
+    found = [digit_classifier()(part.float()) for part in images.split(BATCH)]
+    return torch.cat([features for features, _ in found]), torch.cat([logits for _, logits in found]).argmax(1)

@@ -1,0 +1,87 @@
+"""Distances of two sets of feature vectors, x (m, d) and y (n, d).
+
+Fréchet, of the normal distributions with the sets' means μ and covariances C:
+
+    FD = |μ_x - μ_y|² + tr(C_x + C_y - 2 (C_x^½ C_y C_x^½)^½)
+
+Kernel distance, the unbiased squared maximum mean discrepancy with the cubic kernel of KID:
+
+    k(a, b) = (a·b / d + 1)³
+    KD = Σ_{i≠j} k(x_i, x_j) / m(m-1) + Σ_{i≠j} k(y_i, y_j) / n(n-1) - 2 Σ_{i,j} k(x_i, y_j) / mn
+
+With B(r_i) the ball around reference r_i as large as the distance to its k-th nearest other reference, B(g_j) alike:
+
+    precision = share of g in the union of the B(r)       recall = share of r in the union of the B(g)
+    density = Σ_ij [g_j ∈ B(r_i)] / (k · number of g)     coverage = share of r whose own ball holds some g
+
+FD falls with the sizes of the sets (its bias is of the order of d/n); KD is 0 on average for two samples of one
+distribution, and may then come out slightly negative; density may exceed 1.
+
+References:
+    Heusel et al., GANs trained by a two time-scale update rule, NeurIPS 2017 (Fréchet).
+    Bińkowski et al., Demystifying MMD GANs, ICLR 2018 (KID). Gretton et al., JMLR 2012 (the unbiased estimator).
+    Kynkäänniemi et al., Improved precision and recall metric, NeurIPS 2019.
+    Naeem et al., Reliable fidelity and diversity metrics for generative models, ICML 2020.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from .._types import UserError
+
+
+def frechet_distance(x: Tensor, y: Tensor) -> float:
+    """The Fréchet distance, unbiased covariances, in double precision."""
+    x, y = _checked("Fréchet distance", x, y)
+    c_x, c_y = (value.T.cov().reshape(2 * value.shape[1:]) for value in (x, y))
+    values, vectors = torch.linalg.eigh(c_x)
+    root = vectors * values.clamp_min(0).sqrt() @ vectors.T
+    cross = torch.linalg.eigvalsh(root @ c_y @ root).clamp_min(0).sqrt().sum()
+    return ((x.mean(0) - y.mean(0)).square().sum() + c_x.trace() + c_y.trace() - 2 * cross).item()
+
+
+def kernel_distance(x: Tensor, y: Tensor) -> float:
+    """The unbiased squared maximum mean discrepancy, cubic kernel."""
+    x, y = _checked("kernel distance", x, y)
+    return (_mean_of_pairs(x) + _mean_of_pairs(y) - 2 * cubic_kernel(x, y).mean()).item()
+
+
+def _mean_of_pairs(x: Tensor) -> Tensor:
+    kernel = cubic_kernel(x, x)
+    return (kernel.sum() - kernel.trace()) / (len(x) * (len(x) - 1))
+
+
+def cubic_kernel(x: Tensor, y: Tensor) -> Tensor:
+    """K[i, j] = (x_i · y_j / d + 1)³ of (m, d) and (n, d)."""
+    return (x @ y.T / x.shape[1] + 1) ** 3
+
+
+def precision_recall(generated: Tensor, reference: Tensor, k: int = 3) -> tuple[float, float]:
+    """(precision, recall) by balls to the k-th neighbour; give sets of equal size, for both depend on it."""
+    generated, reference = _checked("precision and recall", generated, reference, k + 1)
+    across = torch.cdist(generated, reference)
+    precision = (across <= _radii(reference, k)).any(1).double().mean()
+    recall = (across <= _radii(generated, k)[:, None]).any(0).double().mean()
+    return precision.item(), recall.item()
+
+
+def density_coverage(generated: Tensor, reference: Tensor, k: int = 5) -> tuple[float, float]:
+    """(density, coverage) by balls to the k-th neighbour, those of the references alone."""
+    generated, reference = _checked("density and coverage", generated, reference, k + 1)
+    inside = torch.cdist(generated, reference) <= _radii(reference, k)
+    return inside.double().sum().item() / (k * len(generated)), inside.any(0).double().mean().item()
+
+
+def _radii(x: Tensor, k: int) -> Tensor:
+    """The distance of each row to its k-th nearest other row."""
+    return torch.cdist(x, x).fill_diagonal_(float("inf")).kthvalue(k, dim=1).values
+
+
+def _checked(what: str, x: Tensor, y: Tensor, least: int = 2) -> tuple[Tensor, Tensor]:
+    if min(len(x), len(y)) < least or x.dim() != 2 or x.shape[1:] != y.shape[1:]:
+        raise UserError(
+            f"{what}: give at least {least} items of one size a set, not {tuple(x.shape)} and {tuple(y.shape)}"
+        )
+    return x.double(), y.double()
