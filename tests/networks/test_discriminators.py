@@ -13,7 +13,7 @@ from torch.nn.utils.parametrize import is_parametrized, register_parametrization
 from unproject._random import seeded
 from unproject._types import UserError
 from unproject.adversarial.penalties import R1R2
-from unproject.networks import Discriminator
+from unproject.networks import Discriminator, Standardised
 from unproject.networks.blocks import HeadConv
 from unproject.networks.discriminators import SpectralNorm
 
@@ -240,3 +240,30 @@ def test_half_precision_leaves_the_spectral_vectors_whole() -> None:
         logits = model(images(), HEAD)
     assert {buffer.dtype for buffer in model.buffers()} == {torch.float32}
     torch.testing.assert_close(logits.float(), model(images(), HEAD), rtol=0.1, atol=0.05)
+
+
+# Standardised
+
+
+def test_standardised_is_the_discriminator_of_standardised_inputs() -> None:
+    with seeded(0, "test"):
+        judge = Standardised((1, 32), 3, mean=0.1, deviation=0.05, channels=4)
+    y = images(len(HEAD), 1, 32)
+    expected = judge.inner(((y - 0.1) / 0.05 + 1) / 2, HEAD)  # which maps [0, 1] to [-1, 1] itself
+    torch.testing.assert_close(judge(y, HEAD), expected)
+
+
+def test_a_unit_of_measurement_changes_nothing() -> None:
+    """Readings in other units, with their mean, their deviation, and γ times deviation²."""
+    values = []
+    for unit in (1.0, 7.0):
+        with seeded(0, "test"):
+            judge = Standardised((1, 32), 3, mean=0.1 * unit, deviation=0.05 * unit, channels=4)
+        y, rng = images(len(HEAD), 1, 32) * unit, torch.Generator().manual_seed(0)
+        values.append(R1R2(0.3 * (0.05 * unit) ** 2)(lambda x, judge=judge: judge(x, HEAD), y, y.flip(0), rng))
+    torch.testing.assert_close(values[0], values[1], rtol=1e-4, atol=0)
+
+
+def test_readings_that_are_all_the_same() -> None:
+    with pytest.raises(UserError, match="deviation=0"):
+        Standardised((1, 32), mean=0.1, deviation=0.0)

@@ -184,3 +184,17 @@ CHANGED: dict[str, Recipe] = {
 def test_another_recipe_is_refused_by_the_field(whole: Path, field: str) -> None:
     with pytest.raises(UserError, match=f": {field} differs"):
         resume(CHANGED[field], whole, quiet=True)
+
+
+def test_a_learned_prior_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Its logits and their moments are part of the checkpoint."""
+    recipe = toy(views="learned", steps=6, checkpoint_every=2)
+    whole = train(recipe, tmp_path / "whole", quiet=True)
+    with pytest.MonkeyPatch.context() as patch:
+        at_call(patch, loop.Loop, "_step", 6, die)
+        with pytest.raises(Killed):
+            train(recipe, tmp_path / "killed", quiet=True)
+    resume(recipe, tmp_path / "killed", quiet=True)
+    assert differences(whole.path, tmp_path / "killed") == []
+    tensors = checkpoint.load(checkpoint.newest(whole.path / "checkpoints"))
+    assert tensors["way_distribution/logits"].abs().max() > 0

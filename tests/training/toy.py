@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from unproject.adversarial.assignment import Known, Predicted
+from unproject.adversarial.learned_prior import LearnedPrior
 from unproject.adversarial.losses import Hinge, Loss, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty
 from unproject.data import Collection, chairs, observe
@@ -85,7 +86,7 @@ def toy(
         looks=look_at(data, views, azimuth_bins(BINS, silhouette), 2, False, seed)
         if data
         else toy_looks(views, silhouette, seed),
-        assignment=predicted if views == "predicted" else Known(),
+        assignment={"predicted": predicted, "learned": LearnedPrior(images=2)}.get(views, Known()),
         loss=of_loss[loss][0],
         penalty=of_loss[loss][1],
         generator_optimiser=adam,
@@ -116,4 +117,4 @@ def toy_looks(views: Views, silhouette: Silhouette, seed: int) -> Looks:
     seen = observe(shapes, ways, 2, seed)
     if views == "known":
         return by_known_view(seen, ways)
-    return [(way, seen) for way in (ways if views == "predicted" else continuous_views(silhouette))]
+    return [(way, seen) for way in (ways if views in ("predicted", "learned") else continuous_views(silhouette))]

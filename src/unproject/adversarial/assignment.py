@@ -46,6 +46,9 @@ class Predicted:
         binarise: threshold images at ½ before the predictor sees them.
         fresh: train the predictor from scratch in every round.
         balance: how far the estimated view distribution is drawn to the uniform one, 0 (not) to 1 (`balanced`).
+        sharpness: draws are from the power `sharpness` of the posterior in the first round, and from the posterior
+            itself in the last, along a line. Where a thing and its mirror image explain the same images, powers above
+            1 make one of the two win; the posterior alone keeps any mixture of both.
 
     References:
         Li et al. 2019; schedule and clusters from the authors' released implementation.
@@ -63,6 +66,7 @@ class Predicted:
     binarise: bool = False
     fresh: bool = False
     balance: float = 0.0
+    sharpness: float = 1.0
 
     def __post_init__(self) -> None:
         if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
@@ -72,8 +76,16 @@ class Predicted:
         for name in ("images", "steps", "batch"):
             if getattr(self, name) < 1:
                 raise UserError(f"Predicted({name}={getattr(self, name)}): must be at least 1")
+        if not 0 < self.sharpness < 100:
+            raise UserError(f"Predicted(sharpness={self.sharpness}): must be positive; 1 draws from the posterior")
         if self.clusters is not None and self.clusters < 1:
             raise UserError(f"Predicted(clusters={self.clusters}): must be at least 1, or None for a head a way")
+
+
+def sharpness_at(settings: Predicted, round_: int) -> float:
+    """The power of round 1, 2, ...: from `sharpness` to 1 along a line."""
+    last = len(settings.starts)
+    return settings.sharpness + (1 - settings.sharpness) * (round_ - 1) / max(last - 1, 1)
 
 
 def uniform_ways(images: int, ways: int, seed: int) -> Tensor:
@@ -132,11 +144,12 @@ def balanced(probabilities: Tensor, balance: float, iterations: int = 50) -> Ten
     return probabilities
 
 
-def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator) -> Tensor:
-    """One way of looking for each row of (N, ways): the most probable, or a draw."""
+def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator, power: float = 1.0) -> Tensor:
+    """One way of looking for each row of (N, ways): the most probable, or a draw from a power of the row."""
     if draw == "argmax":
         return probabilities.argmax(1)
-    return torch.multinomial(probabilities, 1, generator=rng)[:, 0]
+    powers = probabilities / probabilities.amax(1, keepdim=True)
+    return torch.multinomial(powers**power, 1, generator=rng)[:, 0]
 
 
 def k_means(rows: Tensor, clusters: int, rng: torch.Generator, starts: int = 5) -> Tensor:

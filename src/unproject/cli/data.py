@@ -1,4 +1,4 @@
-"""`unproject data inspect PATH`."""
+"""`unproject data inspect PATH` and `unproject data get NAME`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    action: Literal["inspect"],
+    action: Literal["inspect", "get"],
     path: Path,
     /,
     *,
@@ -24,22 +24,28 @@ def run(
     polarity: Literal["auto", "light", "dark"] | None = None,
     strict: bool = False,
     json: bool = False,
+    mirror: str | None = None,
 ) -> None:
-    """See what a collection will be used as: a table of what is used and what is skipped and why.
+    """See what a collection will be used as, what is skipped and why; or get a public one.
 
     Args:
-        action: `inspect`.
-        path: A folder of pictures, an .npz, .npy or idx file, or a 3-D collection.
-        out: Write a contact sheet of the framed pictures to this PNG file.
+        action: `inspect` a collection, or `get` a public one from the network.
+        path: A folder of pictures, an .npz, .npy or idx file, or a 3-D collection; to get one, its name: mnist.
+        out: Write a contact sheet of the framed pictures to this PNG file; or the folder to get a collection into,
+            which is called as the collection unless given.
         size: Side of the framed pictures in pixels; 64 for folders, as stored for arrays, unless given.
         mode: Crop and centre the object, or keep it where it is; crop for folders, keep for arrays unless given.
         threshold: Coverage at which a pixel belongs to the object; 0.5 for masks, 0.08 for photographs unless given.
         polarity: Whether the object is light or dark; auto, which it is unless given, reads it off the border.
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
+        mirror: Get the files from this address.
     """
-    from ..data import Framing, inspect
+    from ..data import Framing, get, inspect
 
+    if action == "get":
+        get(str(path), out or Path(path.name), mirror, print)
+        return
     given = {"mode": mode, "threshold": threshold, "photo_threshold": threshold, "polarity": polarity}
     given = {name: value for name, value in given.items() if value is not None}
     framing = Framing(**given) if given else None  # pyright: ignore[reportArgumentType]

@@ -3,6 +3,7 @@
 from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .collection import Collection, read, read_images, read_shapes
 from .digits import digit_labels, digits
+from .download import PUBLIC, get
 from .flips import with_flips
 from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
@@ -14,6 +15,7 @@ __all__ = [
     "BACKS",
     "BASES",
     "PARAMETERS",
+    "PUBLIC",
     "Collection",
     "Framed",
     "Framing",
@@ -27,6 +29,7 @@ __all__ = [
     "digit_labels",
     "digits",
     "frame",
+    "get",
     "held_out",
     "inspect",
     "observe",

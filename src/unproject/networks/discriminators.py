@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -100,6 +101,26 @@ class Discriminator(nn.Module):
         return (x * row[:, :-1]).sum(1) + row[:, -1]
 
 
+class Standardised(nn.Module):
+    """A discriminator of (y - mean) / deviation, for inputs that fill little of [0, 1], such as line integrals.
+
+    A penalty γ |∇_y D|² on the input as it is asks for deviation² as much of γ.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], heads: int = 1, *, mean: float, deviation: float, **options: Any
+    ) -> None:
+        super().__init__()
+        if not deviation > 0:
+            raise UserError(f"standardised discriminator: deviation={deviation}: give a positive one")
+        self.mean, self.deviation = mean, deviation
+        self.inner = Discriminator(shape, heads, **options)
+
+    def forward(self, image: Tensor, head: Tensor) -> Tensor:
+        """Logits (B,) of inputs; `head` (B,) chooses the head of each."""
+        return self.inner((image - self.mean) / (2 * self.deviation) + 0.5, head)
+
+
 class SpectralNorm(nn.Module):
     """W / σ(W) for every matrix of a stack (heads, O, I), σ by one power iteration a forward pass.
 
@@ -133,4 +154,4 @@ class SpectralNorm(nn.Module):
             return (stack / sigma[:, None, None]).reshape(weight.shape)
 
 
-__all__ = ["Discriminator", "SpectralNorm", "grouped_linear"]
+__all__ = ["Discriminator", "SpectralNorm", "Standardised", "grouped_linear"]

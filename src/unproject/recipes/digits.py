@@ -9,17 +9,18 @@ import math
 from functools import partial
 from pathlib import Path
 
+import torch
+
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.assignment import Known
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..data import Collection, observe, read_images
 from ..data import digits as embedded_digits
-from ..networks import Discriminator, ImageGenerator
+from ..networks import Discriminator, ImageGenerator, Standardised
 from ..projections.line_integral import LineIntegral, directions
 from ..training.recipe import Adam, Looks, Recipe
-from .pairing import Views, five_rounds, little_and_often, pair
+from .pairing import Views, modern_assignment, pair, paper_assignment
 
 
 def digits(
@@ -34,12 +35,13 @@ def digits(
     minutes: float | None = None,
     seed: int = 0,
     batch: int = 128,
-    looks_each: int = 1,
-    channels: int = 256,
+    looks_each: int = 4,
+    channels: int = 128,
     rate: float = 1e-3,
-    gamma: float = 0.01,
+    gamma: float = 0.02,
     rounds: int = 40,
     balance: float = 0.8,
+    sharpness: float = 2.0,
     checkpoint_every: int = 500,
 ) -> Recipe:
     """Images from line integrals, made for a laptop: a DCGAN, relativistic loss with lazy R1 + R2.
@@ -47,8 +49,9 @@ def digits(
     Args:
         data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given. Their line
             integrals are taken, and nothing else of them is used, except for direct training.
-        views: what is known of the directions: known, predicted (nothing, but estimated), single (nothing, one
-            discriminator head), or direct (no projection: train on the images themselves).
+        views: what is known of the directions: known, predicted (nothing, but estimated image by image), learned
+            (nothing, but how often each was taken is estimated), single (nothing, one discriminator head), or
+            direct (no projection: train on the images themselves).
         size: pixels a side, and detectors.
         bins: directions, evenly over half a turn.
         spread: each direction is uniform within ± so many degrees.
@@ -60,21 +63,31 @@ def digits(
         looks_each: line integrals an update of each generated image.
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
-        gamma: weight of R1 and R2; small, because line integrals vary ten times less than silhouettes do.
+        gamma: weight of R1 and R2, in units of the readings' deviation.
         rounds: how often directions are predicted anew, evenly over the budget.
         balance: how far predicted directions are drawn to equal numbers from everywhere, 0 to 1.
+        sharpness: the power of the posterior that predicted directions are drawn from at first, falling to 1: above 1,
+            images and their mirror images, which explain the same line integrals, are not mixed.
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+    looks = look_through(data, views, size, bins, spread, looks_per_image, seed)
+    mean, deviation = readings(looks)
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(
-            Discriminator, channels=32 if views == "direct" else 64, shared=4, bottleneck=256, common=True
+            Standardised,
+            mean=mean,
+            deviation=deviation,
+            channels=32 if views == "direct" else 64,
+            shared=4,
+            bottleneck=256,
+            common=True,
         ),
-        looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
-        assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
+        looks=looks,
+        assignment=modern_assignment(views, rounds, balance, sharpness),
         loss=Relativistic(),
-        penalty=R1R2(gamma, every=8),
+        penalty=R1R2(gamma * deviation**2, every=8),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=batch,
@@ -108,7 +121,7 @@ def digits_paper(
 
     Args:
         data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given.
-        views: known, predicted, single or direct, as in `digits`.
+        views: known, predicted, learned, single or direct, as in `digits`.
         size: pixels a side, and detectors.
         bins: directions, evenly over half a turn.
         spread: each direction is uniform within ± so many degrees.
@@ -126,7 +139,7 @@ def digits_paper(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1),
         looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
-        assignment=five_rounds(20_000, clusters) if views == "predicted" else Known(),
+        assignment=paper_assignment(views, 20_000, clusters),
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
         generator_optimiser=adam,
@@ -154,3 +167,10 @@ def look_through(
         where = derived_seed(seed, 0, "line integrals")
         found = observe(found, ways, looks_per_image, where, chunk=4096)
     return pair(views, ways, found)
+
+
+def readings(looks: Looks) -> tuple[float, float]:
+    """Mean and deviation of what was seen, to three digits: the last ones depend on the number of threads."""
+    collections = {id(collection): collection.items for _, collection in looks}
+    seen = torch.cat([items.flatten() for items in collections.values()])
+    return float(f"{seen.mean():.3g}"), float(f"{seen.std().clamp_min(1e-6):.3g}")

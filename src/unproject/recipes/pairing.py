@@ -4,6 +4,7 @@
 views       looks                                          assignment
 =========== ============================================== ==========================================
 predicted   every way, one unlabelled collection           `Predicted` (VP-MP-GAN)
+learned     every way, one unlabelled collection           `LearnedPrior`, one head (UVTomo-GAN)
 known       every way, each with its own images            `Known` (MP-GAN)
 single      one look in any of the ways                    `Known`, one head (PrGAN)
 direct      the identity on the things themselves          `Known`, one head (3D-GAN)
@@ -19,7 +20,8 @@ from typing import Literal
 import torch
 
 from .._types import UserError
-from ..adversarial.assignment import Predicted
+from ..adversarial.assignment import Known, Predicted
+from ..adversarial.learned_prior import LearnedPrior
 from ..data import Collection
 from ..networks import ViewPredictor
 from ..projections.base import Identity
@@ -27,7 +29,7 @@ from ..projections.observation import Observation
 from ..projections.priors import Mixture, Product
 from ..training.recipe import Looks
 
-Views = Literal["predicted", "known", "single", "direct"]
+Views = Literal["predicted", "learned", "known", "single", "direct"]
 
 
 def pair(views: Views, ways: Sequence[Observation], collection: Collection) -> Looks:
@@ -36,7 +38,7 @@ def pair(views: Views, ways: Sequence[Observation], collection: Collection) -> L
         return [(Observation("itself", Identity(), Product()), collection)]
     if views == "single":
         return [(Observation("anywhere", ways[0].projection, Mixture([way.prior for way in ways])), collection)]
-    if views == "predicted":
+    if views in ("predicted", "learned"):
         return [(way, collection) for way in ways]
     return by_known_view(collection, ways)
 
@@ -66,7 +68,25 @@ def by_known_view(collection: Collection, ways: Sequence[Observation]) -> Looks:
     return looks
 
 
-def little_and_often(rounds: int, balance: float) -> Predicted:
+def modern_assignment(
+    views: Views, rounds: int, balance: float, sharpness: float = 1.0
+) -> Known | Predicted | LearnedPrior:
+    """What goes with `views`: draws from a predictor's posterior, little and often; a learned prior; or nothing."""
+    if views == "learned":
+        return LearnedPrior()
+    return little_and_often(rounds, balance, sharpness) if views == "predicted" else Known()
+
+
+def paper_assignment(
+    views: Views, steps: int, clusters: int | None, binarise: bool = False
+) -> Known | Predicted | LearnedPrior:
+    """What goes with `views`: five rounds of the most probable view; a learned prior; or nothing."""
+    if views == "learned":
+        return LearnedPrior()
+    return five_rounds(steps, clusters, binarise) if views == "predicted" else Known()
+
+
+def little_and_often(rounds: int, balance: float, sharpness: float = 1.0) -> Predicted:
     """Many short rounds, each image's way drawn from what the predictor thinks of it: stochastic EM.
 
     While the predictor knows little its draws are nearly random and training is PrGAN's; a few long rounds of
@@ -75,7 +95,9 @@ def little_and_often(rounds: int, balance: float) -> Predicted:
     if rounds < 1 or not 0 <= balance <= 1:
         raise UserError(f"rounds={rounds}, balance={balance}: give at least 1 round and a balance of 0 to 1")
     starts = tuple(0.05 + 0.93 * k / rounds for k in range(rounds))
-    return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance)
+    return Predicted(
+        ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance, sharpness=sharpness
+    )
 
 
 def five_rounds(steps: int, clusters: int | None, binarise: bool = False) -> Predicted:

@@ -11,7 +11,6 @@ from typing import Literal
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.assignment import Known
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..adversarial.regularisers import Solid
@@ -20,7 +19,7 @@ from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training.recipe import Adam, Looks, Recipe
-from .pairing import Views, five_rounds, little_and_often, pair
+from .pairing import Views, modern_assignment, pair, paper_assignment
 
 EMBEDDED_CHAIRS = 1000
 
@@ -57,8 +56,9 @@ def shapes(
 
     Args:
         data: a folder of pictures, an .npz, or a 3-D collection; a family of chairs unless given.
-        views: what is known of the views: predicted (nothing, but estimated), known, single (nothing, one
-            discriminator head), or direct (no projection: train on the volumes themselves).
+        views: what is known of the views: predicted (nothing, but estimated image by image), learned (nothing, but
+            how often each was taken is estimated), known, single (nothing, one discriminator head), or direct (no
+            projection: train on the volumes themselves).
         size: voxels, and pixels, a side.
         bins: ways of looking: bins of azimuth.
         bands: times this many bands of elevation, 15° each, centred on the horizon; 1: all at elevation 0.
@@ -99,7 +99,7 @@ def shapes(
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed, flips),
-        assignment=little_and_often(rounds, balance) if views == "predicted" else Known(),
+        assignment=modern_assignment(views, rounds, balance),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
         regulariser=Solid(solid, solid / 10) if solid and views != "direct" else None,
@@ -172,7 +172,7 @@ def shapes_paper(
         generator=generator,
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
-        assignment=five_rounds(100_000, clusters, binarise=True) if views == "predicted" else Known(),
+        assignment=paper_assignment(views, 100_000, clusters, binarise=True),
         loss=Wasserstein() if loss == "wasserstein" else Hinge(),
         penalty=GradientPenalty(10.0) if loss == "wasserstein" else None,
         generator_optimiser=adam,

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
-from ..adversarial.assignment import Predicted, predict, train_predictor
+from ..adversarial.assignment import Known, Predicted, predict, train_predictor
 from ..data import Collection
 from ..metrics import (
     Score,
@@ -58,7 +58,7 @@ def evaluate(
     true = true_views(recipe, panel)
     if isinstance(recipe.assignment, Predicted) and true is not None:
         best = supervised_ceiling(panel, true, recipe.seed) if ceiling else None
-        scores |= view_scores(_accuracy(panel, panel.ways, true), best, seed)
+        scores |= view_scores(assigned_accuracy(panel, panel.ways, true), best, seed)
     if not scores:
         raise UserError(f"{run.path}: nothing to score against; give --reference, held-out things of the same kind")
     return scores
@@ -85,10 +85,18 @@ def makes_images(generated: Tensor) -> bool:
 
 
 def assigned_panel(run: Run, recipe: Recipe) -> Panel:
-    """The first panel of a run with the ways of looking that its newest checkpoint assigned."""
+    """The first panel of a run with the ways of looking that its newest checkpoint assigned.
+
+    With a learned prior no image has one: there they are draws from it, right as a whole.
+    """
     panel = build_panels(recipe)[0]
-    stored = checkpoint.load(checkpoint.newest(Path(run.path) / "checkpoints"), "panels/0/")
+    newest = checkpoint.newest(Path(run.path) / "checkpoints")
+    stored = checkpoint.load(newest, "panels/0/")
     panel.ways, panel.heads = stored["panels/0/ways"], stored["panels/0/heads"]
+    if panel.distribution is not None:
+        panel.distribution.load_state_dict({"logits": checkpoint.load(newest, "way_distribution/logits").popitem()[1]})
+        shares, rng = panel.distribution.shares.detach(), generator_at(recipe.seed, 0, "drawn ways")
+        panel.ways = torch.multinomial(shares, len(panel.ways), replacement=True, generator=rng)
     return panel
 
 
@@ -118,10 +126,10 @@ def supervised_ceiling(panel: Panel, true: Tensor, seed: int, steps: int = 600) 
             predictor = settings.predictor(panel.shape, ways)
         train_predictor(predictor, panel.items[train], true[train], settings, derived_seed(seed, fold, "ceiling"))
         predicted[test] = predict(predictor, panel.items[test]).argmax(1)
-    return _accuracy(panel, predicted, true)
+    return assigned_accuracy(panel, predicted, true)
 
 
-def _accuracy(panel: Panel, predicted: Tensor, true: Tensor) -> ViewAccuracy:
+def assigned_accuracy(panel: Panel, predicted: Tensor, true: Tensor) -> ViewAccuracy:
     """Up to gauge, by the first latent alone: azimuth, whatever the elevation, or angle."""
     bins = bin_count(panel)
     each = len(panel.observations) // bins
@@ -141,11 +149,11 @@ def _firsts(priors: Sequence[Prior]) -> set[Prior]:
 def free_turns(recipe: Recipe, panel: Panel) -> int | None:
     """Of how many turns the best is to be taken when things are scored; None if they stand as they should.
 
-    Where views are predicted any turn by a bin explains the same pictures, and where there is one look from
+    Where nobody knows the views, any turn by a bin explains the same pictures, and where there is one look from
     everywhere any turn at all does. Directions of line integrals cover half a turn, so twice as many make a whole one.
     """
     names, prior = panel.observations[0].prior.names, panel.observations[0].prior
-    if not names or not (isinstance(recipe.assignment, Predicted) or len(panel.observations) == 1):
+    if not names or (isinstance(recipe.assignment, Known) and len(panel.observations) > 1):
         return None
     several = len(panel.observations) > 1
     bins = bin_count(panel) if several else len(_firsts(getattr(prior, "parts", ()))) or ANYWHERE

@@ -19,7 +19,8 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..adversarial.assignment import Predicted, balanced, choose_ways, k_means, predict, train_predictor
+from ..adversarial.assignment import Predicted, balanced, choose_ways, k_means, predict, sharpness_at, train_predictor
+from ..adversarial.learned_prior import LearnedPrior
 from . import checkpoint, run_directory
 from .distribution import Distribution
 from .health import EVERY, Diverged, check, check_finite, diversity
@@ -124,7 +125,10 @@ class Loop:
             numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
             ratio = self.distribution.average(diversity(real, fake))
             counters.dull = check(counters.step, numbers, ratio, counters.dull)
-            self.recorder.write(counters.step, counters.seconds, **{k: round(v, 6) for k, v in numbers.items()})
+            line: dict[str, object] = {k: round(v, 6) for k, v in numbers.items()}
+            if self.state.way_distribution is not None:
+                line["ways"] = [round(share, 4) for share in self.state.way_distribution.shares.tolist()]
+            self.recorder.write(counters.step, counters.seconds, **line)
             self.recorder.show(progress, f"step {counters.step}")
         if counters.step % self.recipe.checkpoint_every == 0:
             self.save()
@@ -155,7 +159,11 @@ class Loop:
         recipe, ranks = self.recipe, self.distribution
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         with torch.set_grad_enabled(differentiable):
-            fake = panel.look(x, panel.ways[rows], panel_rng(recipe.seed, draw, index, ranks.rank))
+            rng = panel_rng(recipe.seed, draw, index, ranks.rank)
+            if isinstance(recipe.assignment, LearnedPrior):
+                fake = panel.look_as_learned(x, recipe.assignment, rng)
+            else:
+                fake = panel.look(x, panel.ways[rows], rng)
         return Batch(panel, panel.items[rows].to(fake), fake, panel.heads[rows].to(fake.device))
 
     def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
@@ -185,7 +193,14 @@ class Loop:
                 fake = batch.judge(batch.fake)
             total = total + self.recipe.loss.generator(batch.real_logits, fake.float())
         extra = self.recipe.regulariser(x, progress) if self.recipe.regulariser else 0.0
+        ways, optimiser = self.state.way_distribution, self.state.way_optimiser
+        if isinstance(self.recipe.assignment, LearnedPrior) and ways is not None and optimiser is not None:
+            optimiser.zero_grad()
+            extra = extra + self.recipe.assignment.evenness * ways.unevenness()
         self._apply(self.state.generator, self.state.generator_optimiser, total + extra)
+        if ways is not None and optimiser is not None:
+            self.distribution.average_gradients(ways)
+            optimiser.step()
         return total.detach()
 
     def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
@@ -222,7 +237,7 @@ class Loop:
         if settings.balance:
             probabilities = balanced(probabilities, settings.balance)
         rng = generator_at(seed, 0, "choose")
-        panel.ways = choose_ways(probabilities, settings.draw, rng)
+        panel.ways = choose_ways(probabilities, settings.draw, rng, sharpness_at(settings, due))
         panel.heads = k_means(probabilities, settings.clusters, rng) if settings.clusters else panel.ways.clone()
         self.distribution.copy_from_leader([panel.ways, panel.heads])
         if settings.restart and state.counters.round == 0:

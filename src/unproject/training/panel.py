@@ -9,7 +9,8 @@ from torch import Tensor, nn
 
 from .._random import generator_at
 from .._types import UserError
-from ..adversarial.assignment import Predicted, uniform_ways
+from ..adversarial.assignment import Known, Predicted, uniform_ways
+from ..adversarial.learned_prior import LearnedPrior, WayDistribution, look_softly
 from ..data.sampling import batch_rows
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
@@ -18,13 +19,17 @@ from .recipe import Looks, Recipe
 
 @dataclass
 class Panel:
-    """Real images, who made them (`ways`, which observation) and who judges them (`heads`), both (N,)."""
+    """Real images, who made them (`ways`, which observation) and who judges them (`heads`), both (N,).
+
+    With a learned prior nobody made them, and `distribution` says how often generated things are looked at in each way.
+    """
 
     observations: tuple[Observation, ...]
     items: Tensor
     ways: Tensor
     heads: Tensor
     discriminator: nn.Module
+    distribution: WayDistribution | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -39,6 +44,14 @@ class Panel:
         theta = sample_each([o.prior for o in self.observations], way, rng) if self.observations[0].prior.names else {}
         return self.observations[0].projection(x, **{name: value.to(x) for name, value in theta.items()})
 
+    def look_as_learned(self, x: Tensor, settings: LearnedPrior, rng: torch.Generator) -> Tensor:
+        """y_b = P_i(x_b, θ_b), i drawn from the learned distribution, which gets a gradient from the first of them."""
+        assert self.distribution is not None
+        u = self.distribution.relaxed(len(x), settings.temperature, rng)
+        if not torch.is_grad_enabled():
+            return self.look(x, u.argmax(1).cpu(), rng)
+        return look_softly(lambda things, way: self.look(things, way, rng), x, u, settings.images)
+
 
 def build_panels(recipe: Recipe) -> list[Panel]:
     """Group the looks of a recipe by projection and image shape, in the order they are given."""
@@ -47,8 +60,9 @@ def build_panels(recipe: Recipe) -> list[Panel]:
         key = (_identity(observation.projection), tuple(collection.items.shape[1:]))
         groups.setdefault(key, []).append(index)
     panels = [_panel(recipe, [recipe.looks[i] for i in rows]) for rows in groups.values()]
-    if isinstance(recipe.assignment, Predicted) and (len(panels) != 1 or len(recipe.looks) < 2):
-        raise UserError("Predicted assignment: give at least two looks that share one projection and one collection")
+    if not isinstance(recipe.assignment, Known) and (len(panels) != 1 or len(recipe.looks) < 2):
+        kind = type(recipe.assignment).__name__
+        raise UserError(f"{kind} assignment: give at least two looks that share one projection and one collection")
     return panels
 
 
@@ -59,7 +73,7 @@ def _identity(projection: object) -> object:
 
 def _panel(recipe: Recipe, looks: Looks) -> Panel:
     observations = tuple(observation for observation, _ in looks)
-    if isinstance(recipe.assignment, Predicted):
+    if not isinstance(recipe.assignment, Known):
         return _unassigned_panel(recipe, looks, observations)
     items = torch.cat([collection.items for _, collection in looks])
     ways = torch.cat([torch.full((len(collection),), way) for way, (_, collection) in enumerate(looks)])
@@ -67,14 +81,15 @@ def _panel(recipe: Recipe, looks: Looks) -> Panel:
 
 
 def _unassigned_panel(recipe: Recipe, looks: Looks, observations: tuple[Observation, ...]) -> Panel:
-    assert isinstance(recipe.assignment, Predicted)
-    collection = looks[0][1]
+    collection, assignment = looks[0][1], recipe.assignment
     if any(other is not collection for _, other in looks):
-        raise UserError("Predicted assignment: every observation must stand beside the same collection")
+        kind = type(assignment).__name__
+        raise UserError(f"{kind} assignment: every observation must stand beside the same collection")
     ways = uniform_ways(len(collection), len(looks), recipe.seed)
-    heads = recipe.assignment.clusters or len(looks)
+    heads = 1 if not isinstance(assignment, Predicted) else assignment.clusters or len(looks)
     discriminator = recipe.discriminator(tuple(collection.items.shape[1:]), heads)
-    return Panel(observations, collection.items, ways, torch.zeros_like(ways), discriminator)
+    distribution = WayDistribution(len(looks)) if isinstance(assignment, LearnedPrior) else None
+    return Panel(observations, collection.items, ways, torch.zeros_like(ways), discriminator, distribution)
 
 
 def panel_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from .._types import UserError
 from ..adversarial.assignment import Known, Predicted
+from ..adversarial.learned_prior import LearnedPrior
 from ..adversarial.losses import Loss, Relativistic
 from ..adversarial.penalties import R1R2, Penalty
 from ..data import Collection
@@ -46,8 +47,8 @@ class Recipe:
 
     Args:
         generator: builds the generator; `functools.partial(LowRankGenerator, size=32)`.
-        looks: pairs of an observation and the collection of what it saw. With `Predicted`, every observation
-            stands beside the same collection. An observation with the `Identity` projection is direct training.
+        looks: pairs of an observation and the collection of what it saw. With `Predicted` or `LearnedPrior`,
+            every observation stands beside the same collection. The `Identity` projection is direct training.
         discriminator: (shape of one image, number of heads) → discriminator.
         regulariser: a term of the generator's loss, a function of x itself and of the part of the budget spent.
         discriminator_steps: discriminator updates a generator update.
@@ -62,7 +63,7 @@ class Recipe:
 
     generator: Callable[[], Generator]
     looks: Looks
-    assignment: Known | Predicted = field(default_factory=Known)
+    assignment: Known | Predicted | LearnedPrior = field(default_factory=Known)
     discriminator: Callable[[tuple[int, ...], int], nn.Module] = Discriminator
     loss: Loss = field(default_factory=Relativistic)
     penalty: Penalty | None = field(default_factory=R1R2)

@@ -13,6 +13,7 @@ from torch.optim import Adam as TorchAdam
 from .._random import seeded
 from .._types import UserError
 from ..adversarial.assignment import Predicted
+from ..adversarial.learned_prior import LearnedPrior
 from ..networks import Generator
 from .panel import build_panels
 from .recipe import Adam, Recipe
@@ -50,6 +51,11 @@ class State:
         self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
         self.discriminators = nn.ModuleList([panel.discriminator for panel in self.panels])
         self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
+        self.way_distribution = self.panels[0].distribution
+        self.way_optimiser: TorchAdam | None = None
+        if isinstance(recipe.assignment, LearnedPrior) and self.way_distribution is not None:
+            self.way_distribution.to(device)
+            self.way_optimiser = TorchAdam(self.way_distribution.parameters(), recipe.assignment.rate, (0.5, 0.99))
 
     def _new_predictor(self, recipe: Recipe) -> nn.Module | None:
         if not isinstance(recipe.assignment, Predicted):
@@ -87,6 +93,8 @@ class State:
         yield "discriminators", self.discriminators
         if self.predictor is not None:
             yield "predictor", self.predictor
+        if self.way_distribution is not None:
+            yield "way_distribution", self.way_distribution
 
     def tensors(self) -> dict[str, Tensor]:
         """Every number of the state by name, on the CPU: what a checkpoint stores."""
@@ -124,6 +132,8 @@ class State:
     def _optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
         yield "generator_optimiser", self.generator_optimiser
         yield "discriminator_optimiser", self.discriminator_optimiser
+        if self.way_optimiser is not None:
+            yield "way_optimiser", self.way_optimiser
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:

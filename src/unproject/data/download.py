@@ -1,0 +1,124 @@
+"""Public collections by name, for those who have a network: fetched in pieces, checked, and put in place whole."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import os
+import urllib.error
+import urllib.request
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from http.client import HTTPException
+from pathlib import Path
+
+from .._types import UserError
+
+PIECE, PATIENCE = 2**18, 30
+
+
+@dataclass(frozen=True)
+class PublicCollection:
+    """Where gzipped files lie, and the SHA-256 of what each unpacks to, which no repacking changes."""
+
+    mirrors: tuple[str, ...]
+    files: Mapping[str, str]
+    licence: str
+
+
+PUBLIC = {
+    "mnist": PublicCollection(
+        ("https://ossci-datasets.s3.amazonaws.com/mnist/", "https://storage.googleapis.com/cvdf-datasets/mnist/"),
+        {
+            "train-images-idx3-ubyte.gz": "ba891046e6505d7aadcbbe25680a0738ad16aec93bde7f9b65e87a2fc25776db",
+            "train-labels-idx1-ubyte.gz": "65a50cbbf4e906d70832878ad85ccda5333a97f0f4c3dd2ef09a8a9eef7101c5",
+            "t10k-images-idx3-ubyte.gz": "0fa7898d509279e482958e8ce81c8e77db3f2f8254e26661ceb7762c4d494ce7",
+            "t10k-labels-idx1-ubyte.gz": "ff7bcfd416de33731a308c3f266cc351222c34898ecbeaf847f06e48f7ec33f2",
+        },
+        "Y. LeCun and C. Cortes, CC BY-SA 3.0",
+    )
+}
+
+
+def get(
+    name: str, folder: Path, mirror: str | None = None, say: Callable[[str], None] = lambda line: None
+) -> tuple[Path, ...]:
+    """Fetch a public collection into a folder; files that are there and right are not fetched again.
+
+    A download that was cut off goes on where it stopped. Only files whose content is right get their name.
+
+    Args:
+        name: of `PUBLIC`.
+        folder: made if it is missing.
+        mirror: an address to take the files from, in place of the known ones.
+        say: told what happens, a line a file.
+
+    Raises:
+        UserError: for an unknown name, if nobody answers, or if what came is not what it should be.
+    """
+    if name not in PUBLIC:
+        raise UserError(f"data get {name}: there is no such collection; choose {' or '.join(PUBLIC)}")
+    collection = PUBLIC[name]
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, digest in collection.files.items():
+        if (folder / file).exists() and _content(folder / file) == digest:
+            say(f"{folder / file}: is there already")
+            continue
+        _fetch(folder / file, digest, (mirror,) if mirror else collection.mirrors)
+        say(f"{folder / file}: {(folder / file).stat().st_size / 1e6:.1f} MB, checked")
+    return tuple(folder / file for file in collection.files)
+
+
+def _fetch(target: Path, digest: str, mirrors: tuple[str, ...]) -> None:
+    partial = target.with_name(f".{target.name}.part")
+    reasons = []
+    for mirror in mirrors:
+        address = f"{mirror.rstrip('/')}/{target.name}"
+        try:
+            _download(address, partial)
+        except (OSError, HTTPException, ValueError) as error:
+            reasons.append(f"{mirror}: {getattr(error, 'reason', error)}")
+            continue
+        if _content(partial) == digest:
+            os.replace(partial, target)
+            return
+        partial.unlink()
+        reasons.append(f"{mirror}: what it sent is not the file it should be")
+    raise UserError(
+        f"{target}: could not be fetched ({'; '.join(reasons)}); check the network and say it again, which goes on "
+        "where this stopped, or name another --mirror, or put the file there yourself"
+    )
+
+
+def _download(address: str, partial: Path) -> None:
+    """Append to `partial` what it lacks."""
+    have = partial.stat().st_size if partial.exists() else 0
+    request = urllib.request.Request(address, headers={"Range": f"bytes={have}-"} if have else {})
+    try:
+        answer = urllib.request.urlopen(request, timeout=PATIENCE)
+    except urllib.error.HTTPError as error:
+        error.close()
+        if have and error.code == 416:  # nothing lies beyond what is there
+            return
+        raise
+    with answer, partial.open("ab" if have and answer.status == 206 else "wb") as file:
+        announced, came = answer.headers.get("Content-Length"), 0
+        while piece := answer.read(PIECE):
+            came += file.write(piece)
+        file.flush()
+        os.fsync(file.fileno())
+    if announced and came < int(announced):
+        raise OSError(f"broke off after {came} of {announced} bytes")
+
+
+def _content(path: Path) -> str:
+    """The SHA-256 of what a gzipped file unpacks to; of nothing if it is damaged."""
+    digest = hashlib.sha256()
+    try:
+        with gzip.open(path) as file:
+            while piece := file.read(PIECE):
+                digest.update(piece)
+    except (OSError, EOFError, zlib.error):
+        return ""
+    return digest.hexdigest()
