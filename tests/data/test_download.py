@@ -107,9 +107,10 @@ def test_a_damaged_file_is_fetched_again(server: Server, tmp_path: Path) -> None
     assert is_whole(tmp_path)
 
 
-def test_without_a_network(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Port 9 of this machine: nobody listens there."""
-    assert main(["data", "get", "mnist", "--out", str(tmp_path), "--mirror", "http://127.0.0.1:9/"]) == 2
+    monkeypatch.setenv("UNPROJECT_MIRROR", "http://127.0.0.1:9/")
+    assert main(["data", "get", "mnist", "--out", str(tmp_path)]) == 2
     error = capsys.readouterr().err
     assert error.startswith("unproject: ") and error.count("\n") == 1 and "check the network" in error
     assert not list(tmp_path.iterdir())

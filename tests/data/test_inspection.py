@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,3 +102,14 @@ def test_the_verb_shows_why_nothing_can_be_used_and_then_fails(tmp_path, capsys)
 def test_a_framing_reaches_the_pictures(folder):
     kept = inspect(folder, framing=Framing(mode="keep")).collection
     assert kept is not None and float(kept.items[0].mean()) == pytest.approx(40 * 30 / 90**2, rel=1e-4)
+
+
+def test_lines_are_shown_as_graphs(tmp_path: Path) -> None:
+    lines = np.zeros((3, 16), np.float32)
+    lines[:, 4:8] = [[0.1], [0.2], [0.4]]
+    np.savez(tmp_path / "scans.npz", lines=lines, angle=np.zeros(3))
+    found = inspect(tmp_path / "scans.npz")
+    assert found.rows[0] == ("00000", "1 x 16", "line", "used") and "views: angle" in found.table()
+    assert found.collection is not None
+    tile = np.asarray(contact_sheet(found.collection, cell=20))[2:18, 2:18]
+    assert (tile[:, 4:8] == 255).all() and tile.sum() == 255 * 4 * 16

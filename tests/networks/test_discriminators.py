@@ -13,7 +13,7 @@ from torch.nn.utils.parametrize import is_parametrized, register_parametrization
 from unproject._random import seeded
 from unproject._types import UserError
 from unproject.adversarial.penalties import R1R2
-from unproject.networks import Discriminator, Standardised
+from unproject.networks import Discriminator, LineDiscriminator
 from unproject.networks.blocks import HeadConv
 from unproject.networks.discriminators import SpectralNorm
 
@@ -242,28 +242,38 @@ def test_half_precision_leaves_the_spectral_vectors_whole() -> None:
     torch.testing.assert_close(logits.float(), model(images(), HEAD), rtol=0.1, atol=0.05)
 
 
-# Standardised
+# Lines
 
 
-def test_standardised_is_the_discriminator_of_standardised_inputs() -> None:
+def line_judge(**options: object) -> LineDiscriminator:
     with seeded(0, "test"):
-        judge = Standardised((1, 32), 3, mean=0.1, deviation=0.05, channels=4)
-    y = images(len(HEAD), 1, 32)
-    expected = judge.inner(((y - 0.1) / 0.05 + 1) / 2, HEAD)  # which maps [0, 1] to [-1, 1] itself
-    torch.testing.assert_close(judge(y, HEAD), expected)
+        return LineDiscriminator((1, 24), 3, **{"mean": 0.1, "deviation": 0.05, "width": 8, **options})  # type: ignore[arg-type]
+
+
+def test_a_line_is_judged_by_its_head() -> None:
+    judge = line_judge(bottleneck=6)
+    y, one = images(len(HEAD), 1, 24), torch.ones_like(HEAD)
+    assert torch.equal(judge(y, HEAD), judge(y, one))  # alike at the start
+    with torch.no_grad():
+        judge.own.weight[2] += 1
+    changed = judge(y, HEAD) != judge(y, one)
+    assert torch.equal(changed, HEAD == 2)
+    judge(y, one).sum().backward()
+    gradient = judge.own.weight.grad
+    assert gradient is not None and torch.equal(gradient.any(1), torch.tensor([False, True, False]))
 
 
 def test_a_unit_of_measurement_changes_nothing() -> None:
     """Readings in other units, with their mean, their deviation, and γ times deviation²."""
     values = []
     for unit in (1.0, 7.0):
-        with seeded(0, "test"):
-            judge = Standardised((1, 32), 3, mean=0.1 * unit, deviation=0.05 * unit, channels=4)
-        y, rng = images(len(HEAD), 1, 32) * unit, torch.Generator().manual_seed(0)
+        judge = line_judge(mean=0.1 * unit, deviation=0.05 * unit)
+        y, rng = images(len(HEAD), 1, 24) * unit, torch.Generator().manual_seed(0)
         values.append(R1R2(0.3 * (0.05 * unit) ** 2)(lambda x, judge=judge: judge(x, HEAD), y, y.flip(0), rng))
     torch.testing.assert_close(values[0], values[1], rtol=1e-4, atol=0)
 
 
-def test_readings_that_are_all_the_same() -> None:
-    with pytest.raises(UserError, match="deviation=0"):
-        Standardised((1, 32), mean=0.1, deviation=0.0)
+def test_what_is_no_line() -> None:
+    for shape, deviation in (((1, 16, 16), 1.0), ((1, 16), 0.0)):
+        with pytest.raises(UserError, match="give lines"):
+            LineDiscriminator(shape, deviation=deviation)

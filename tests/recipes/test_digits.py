@@ -12,6 +12,7 @@ import torch
 
 from unproject._types import UserError
 from unproject.adversarial.assignment import Known, Predicted
+from unproject.adversarial.learned_prior import LearnedPrior
 from unproject.data import digits as embedded
 from unproject.data.collection import padded
 from unproject.projections.base import Identity
@@ -20,16 +21,25 @@ from unproject.recipes.digits import digits, digits_paper
 from unproject.recipes.pairing import Views
 
 
-@pytest.mark.parametrize("recipe", [digits, digits_paper])
 @pytest.mark.parametrize(
-    "views, looks, assignment", [("known", 10, Known), ("predicted", 10, Predicted), ("single", 1, Known)]
+    "recipe, views, looks, lines, assignment",
+    [
+        (digits, "known", 10, 1500, Known),
+        (digits, "predicted", 10, 1500, Predicted),
+        (digits, "learned", 10, 1500, LearnedPrior),
+        (digits, "single", 1, 1500, Known),
+        (digits_paper, "known", 10, 1500, Known),
+        (digits_paper, "predicted", 10, 1500, Predicted),
+        (digits_paper, "learned", 10, 1500, LearnedPrior),
+        (digits_paper, "single", 1, 1500, Known),
+    ],
 )
-def test_the_arms(recipe, views: Views, looks: int, assignment: type) -> None:  # type: ignore[no-untyped-def]
+def test_the_arms(recipe, views: Views, looks: int, lines: int, assignment: type) -> None:  # type: ignore[no-untyped-def]
     made = recipe(views=views, size=16, steps=1)
     assert len(made.looks) == looks and isinstance(made.assignment, assignment)
     assert all(collection.items.shape[1:] == (1, 16) for _, collection in made.looks)
-    total = sum(len(collection) for _, collection in made.looks)
-    assert total == (15000 if views == "predicted" else 1500)
+    different = {id(collection): len(collection) for _, collection in made.looks}
+    assert sum(different.values()) == lines
 
 
 def test_direct_training_sees_the_images() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
@@ -201,3 +202,9 @@ def test_views_that_fall_into_no_bin() -> None:
 def test_direct_training_needs_volumes(masks: Path) -> None:
     with pytest.raises(UserError, match="direct training needs volumes"):
         shapes(data=masks, views="direct", size=16)
+
+
+def test_line_integrals_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "scans.npz", lines=np.ones((3, 32), np.float32))
+    with pytest.raises(UserError, match="holds line integrals"):
+        shapes(data=tmp_path / "scans.npz", steps=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_format
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -24,12 +25,12 @@ def run(
     polarity: Literal["auto", "light", "dark"] | None = None,
     strict: bool = False,
     json: bool = False,
-    mirror: str | None = None,
 ) -> None:
     """See what a collection will be used as, what is skipped and why; or get a public one.
 
     Args:
-        action: `inspect` a collection, or `get` a public one from the network.
+        action: `inspect` a collection, or `get` a public one from the network (the variable UNPROJECT_MIRROR names
+            another address to take its files from).
         path: A folder of pictures, an .npz, .npy or idx file, or a 3-D collection; to get one, its name: mnist.
         out: Write a contact sheet of the framed pictures to this PNG file; or the folder to get a collection into,
             which is called as the collection unless given.
@@ -39,12 +40,11 @@ def run(
         polarity: Whether the object is light or dark; auto, which it is unless given, reads it off the border.
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
-        mirror: Get the files from this address.
     """
     from ..data import Framing, get, inspect
 
     if action == "get":
-        get(str(path), out or Path(path.name), mirror, print)
+        get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
         return
     given = {"mode": mode, "threshold": threshold, "photo_threshold": threshold, "polarity": polarity}
     given = {name: value for name, value in given.items() if value is not None}

