@@ -45,7 +45,9 @@ tests/gltf/node_modules: $(wildcard tests/gltf/package-lock.json)
 	    || echo "unproject: the glTF validator could not be installed; its tests will be skipped"; \
 	fi
 
+# deepinv is measured beside our line integrals; one file of it, so without its dependencies.
 bench: install
+	@$(PIP) --no-deps deepinv==0.5.0 || echo 'unproject: deepinv could not be installed and is left out'
 	$(BIN)/python benchmarks/run.py
 
 clean:

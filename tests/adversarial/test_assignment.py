@@ -16,8 +16,11 @@ from unproject.adversarial.assignment import (
     Predicted,
     balanced,
     choose_ways,
+    estimated,
     k_means,
+    likeliest_run,
     predict,
+    sharpness_at,
     train_predictor,
     uniform_ways,
 )
@@ -201,3 +204,56 @@ def test_balanced_means_reach_their_target_and_rows_stay_probabilities() -> None
     assert torch.allclose(balanced(p, 0.5).mean(0), half, atol=1e-3)
     assert torch.allclose(balanced(p, 0.0), p, atol=1e-5)
     assert torch.allclose(balanced(p, 0.7).sum(1), torch.ones(200))
+
+
+# Windows and powers
+
+
+def around(first: int, length: int, ways: int = 8, seed: int = 0) -> Tensor:
+    """Odds of images whose ways are the `length` after `first`: 0.6 for the right one, noise elsewhere."""
+    rng = generator_at(seed, 0, "around")
+    true = (first + torch.randint(length, (300,), generator=rng)) % ways
+    odds = torch.rand(300, ways, generator=rng)
+    odds = 0.4 * odds / odds.sum(1, keepdim=True)
+    return odds.scatter_add(1, true[:, None], torch.full((300, 1), 0.6))
+
+
+@pytest.mark.parametrize("first", [0, 3, 6])
+def test_the_run_of_ways_that_were_taken_is_found_over_the_end_too(first: int) -> None:
+    assert likeliest_run(around(first, 4), 4).tolist() == [(first + k) % 8 for k in range(4)]
+    assert sorted(likeliest_run(around(first, 4), 20).tolist()) == list(range(8))
+
+
+def test_what_is_estimated_keeps_to_the_window() -> None:
+    settings = Predicted(SMALL, window=4, balance=1.0)
+    found = estimated(around(6, 4), settings)
+    assert found[:, 2:6].eq(0).all() and torch.allclose(found.sum(1), torch.ones(300))
+    torch.testing.assert_close(found.mean(0)[[6, 7, 0, 1]], torch.full((4,), 0.25), atol=1e-3, rtol=0)
+    whole = estimated(around(6, 4), Predicted(SMALL))
+    torch.testing.assert_close(whole, around(6, 4))
+
+
+def test_an_image_that_fits_nowhere_in_the_window_still_gets_a_way() -> None:
+    odds = torch.tensor([[1.0, 0, 0, 0]] * 9 + [[0, 0, 1.0, 0]])
+    found = estimated(odds, Predicted(SMALL, window=2))
+    assert torch.isfinite(found).all() and torch.allclose(found.sum(1), torch.ones(10))
+
+
+def test_the_power_falls_to_one() -> None:
+    settings = Predicted(SMALL, starts=(0.1, 0.2, 0.3), sharpness=5.0)
+    assert [sharpness_at(settings, k) for k in (1, 2, 3)] == [5, 3, 1]
+    assert sharpness_at(Predicted(SMALL, starts=(0.5,), sharpness=5.0), 1) == 5
+
+
+def test_powers_sharpen_the_draws() -> None:
+    odds = torch.tensor([[0.6, 0.3, 0.1]]).expand(20_000, 3)
+    for power in (1.0, 2.0, 50.0):
+        drawn = torch.bincount(choose_ways(odds, "posterior", generator_at(0), power), minlength=3) / 20_000
+        wanted = odds[0] ** power / (odds[0] ** power).sum()
+        assert (drawn - wanted).abs().max() < 0.015
+
+
+@pytest.mark.parametrize("wrong", [{"window": 0}, {"sharpness": 0.0}, {"sharpness": 1e9}])
+def test_windows_and_powers_that_make_no_sense(wrong: dict[str, Any]) -> None:
+    with pytest.raises(UserError, match=next(iter(wrong))):
+        Predicted(SMALL, **wrong)

@@ -48,6 +48,14 @@ def test_ten_directions_over_half_a_turn() -> None:
         assert [other.prior.contains({"angle": drawn.deg2rad()}).all() for other in looks].index(True) == k
 
 
+def test_a_whole_turn_of_directions() -> None:
+    half, whole = directions(5, 0.1), directions(5, 0.1, whole=True)
+    assert len(whole) == 10 and whole[:5] == half
+    for k in range(5):
+        opposite = whole[k].prior.sample(100, generator_at(k))["angle"] + torch.pi
+        assert whole[k + 5].prior.contains({"angle": opposite}).all()
+
+
 @pytest.mark.parametrize(
     "make",
     [

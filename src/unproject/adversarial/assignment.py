@@ -50,6 +50,9 @@ class Predicted:
             itself in the last, along a line. Where a thing and its mirror image explain the same images, powers above
             1 make one of the two win; the posterior alone keeps any mixture of both.
 
+        window: the ways go around in order, and the images were made in this many neighbouring ones, nobody knows
+            which: each round takes the run of ways that makes the collection likeliest, and no other.
+
     References:
         Li et al. 2019; schedule and clusters from the authors' released implementation.
     """
@@ -67,6 +70,7 @@ class Predicted:
     fresh: bool = False
     balance: float = 0.0
     sharpness: float = 1.0
+    window: int | None = None
 
     def __post_init__(self) -> None:
         if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
@@ -78,6 +82,8 @@ class Predicted:
                 raise UserError(f"Predicted({name}={getattr(self, name)}): must be at least 1")
         if not 0 < self.sharpness < 100:
             raise UserError(f"Predicted(sharpness={self.sharpness}): must be positive; 1 draws from the posterior")
+        if self.window is not None and self.window < 1:
+            raise UserError(f"Predicted(window={self.window}): must be at least 1, or None for all ways")
         if self.clusters is not None and self.clusters < 1:
             raise UserError(f"Predicted(clusters={self.clusters}): must be at least 1, or None for a head a way")
 
@@ -142,6 +148,28 @@ def balanced(probabilities: Tensor, balance: float, iterations: int = 50) -> Ten
         probabilities = probabilities * (target / probabilities.mean(0).clamp_min(1e-12))
         probabilities = probabilities / probabilities.sum(1, keepdim=True)
     return probabilities
+
+
+def likeliest_run(probabilities: Tensor, length: int) -> Tensor:
+    """The `length` neighbouring ways, (length,), around a circle, that make all images likeliest:
+
+    argmax over runs R of Σ_n log Σ_{k in R} p(k | y_n).
+    """
+    ways = probabilities.shape[1]
+    runs = (torch.arange(ways)[:, None] + torch.arange(min(length, ways))) % ways
+    likelihood = [probabilities[:, run].sum(1).clamp_min(1e-9).log().mean() for run in runs]
+    return runs[int(torch.stack(likelihood).argmax())]
+
+
+def estimated(probabilities: Tensor, settings: Predicted) -> Tensor:
+    """What a round believes of each image, (N, ways): within the likeliest run, balanced."""
+    count = probabilities.shape[1]
+    run = torch.arange(count) if settings.window is None else likeliest_run(probabilities, settings.window)
+    inside = probabilities[:, run].clamp_min(1e-12)
+    inside = inside / inside.sum(1, keepdim=True)
+    if settings.balance:
+        inside = balanced(inside, settings.balance)
+    return torch.zeros_like(probabilities).index_copy(1, run, inside)
 
 
 def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator, power: float = 1.0) -> Tensor:

@@ -57,15 +57,18 @@ class LineIntegral(Projection):
 
 
 def directions(
-    count: int = 10, spread: float = math.radians(2.5), line_integral: LineIntegral | None = None
+    count: int = 10, spread: float = math.radians(2.5), line_integral: LineIntegral | None = None, whole: bool = False
 ) -> tuple[Observation, ...]:
-    """`count` directions evenly over half a turn, each uniform within ±`spread` radians: the seed's are 10 and 2.5°."""
+    """`count` directions evenly over half a turn, each uniform within ±`spread` radians: the seed's are 10 and 2.5°.
+
+    With `whole` they are followed by the opposite ones, which read the same backwards: 2 `count` over a whole turn.
+    """
     if count < 1 or not 0 <= spread <= math.pi / 2 / count:
         raise UserError(
             f"directions({count}, spread={spread:g}): give at least one, and a spread of at most half the space "
             "between two, 90° / count"
         )
-    middles = [math.pi * k / count for k in range(count)]
+    middles = [math.pi * k / count for k in range(2 * count if whole else count)]
     return tuple(
         Observation(
             f"direction-{k:02d}",

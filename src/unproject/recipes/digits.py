@@ -34,7 +34,7 @@ def digits(
     steps: int | None = None,
     minutes: float | None = None,
     seed: int = 0,
-    batch: int = 64,
+    batch: int | None = None,
     looks_each: int = 4,
     channels: int = 128,
     rate: float = 1e-3,
@@ -59,7 +59,7 @@ def digits(
         steps: budget in steps; 6000 if neither steps nor minutes is given.
         minutes: budget in minutes of the clock.
         seed: of the weights, of every draw, and of the line integrals taken.
-        batch: line integrals an update.
+        batch: looks an update; 128, or 64 images for direct training, unless given.
         looks_each: line integrals an update of each generated image.
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
@@ -71,7 +71,7 @@ def digits(
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
-    looks = look_through(data, views, size, bins, spread, looks_per_image, seed)
+    looks = look_through(data, views, size, bins, spread, looks_per_image, seed, whole=True)
     direct = views == "direct"
     mean, deviation = readings(looks)
     gamma = (0.1 if direct else 0.02) if gamma is None else gamma
@@ -81,12 +81,12 @@ def digits(
         if direct
         else partial(LineDiscriminator, mean=mean, deviation=deviation),
         looks=looks,
-        assignment=modern_assignment(views, rounds, balance, sharpness),
+        assignment=modern_assignment(views, rounds, balance, sharpness, window=bins),
         loss=Relativistic(),
         penalty=R1R2(gamma * deviation**2, every=8),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
-        batch=batch,
+        batch=batch or (64 if direct else 128),
         looks_each=1 if direct else looks_each,
         steps=6000 if steps is None and minutes is None else steps,
         minutes=minutes,
@@ -150,17 +150,31 @@ def digits_paper(
 
 
 def look_through(
-    data: Path | None, views: Views, size: int, bins: int, spread: float, looks_per_image: int, seed: int
+    data: Path | None,
+    views: Views,
+    size: int,
+    bins: int,
+    spread: float,
+    looks_per_image: int,
+    seed: int,
+    whole: bool = False,
 ) -> Looks:
-    """Pair directions, in degrees, with the line integrals of the images of `data`, or those that it holds."""
+    """Pair directions, in degrees, with the line integrals of the images of `data`, or those that it holds.
+
+    With `whole`, unknown directions may lie anywhere around. Where they are confined to one half of a turn, images
+    that are turned ask for lines read from the other end, and what was learned turned never comes right.
+    """
     found = Collection(embedded_digits(size)) if data is None else read_images(data, size)
     measured = found.items.dim() == 3
-    ways = directions(bins, math.radians(spread), LineIntegral(found.items.shape[2] if measured else size))
+    line_integral = LineIntegral(found.items.shape[2] if measured else size)
+    ways = directions(bins, math.radians(spread), line_integral)
     if views == "direct" and measured:
         raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
     if views != "direct" and not measured:
         where = derived_seed(seed, 0, "line integrals")
         found = observe(found, ways, looks_per_image, where, chunk=4096)
+    if whole and views in ("predicted", "learned"):
+        ways = directions(bins, math.radians(spread), line_integral, whole=True)
     return pair(views, ways, found)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from .._random import derived_seed, generator_at, seeded
@@ -23,6 +24,7 @@ from ..metrics import (
     view_scores,
 )
 from ..networks import ViewPredictor
+from ..projections.observation import Observation
 from ..projections.priors import Prior
 from . import checkpoint
 from .panel import Panel, build_panels
@@ -133,7 +135,7 @@ def assigned_accuracy(panel: Panel, predicted: Tensor, true: Tensor) -> ViewAccu
     """Up to gauge, by the first latent alone: azimuth, whatever the elevation, or angle."""
     bins = bin_count(panel)
     each = len(panel.observations) // bins
-    return view_accuracy(predicted // each, true // each, bins, half=panel.observations[0].prior.names[0] == "angle")
+    return view_accuracy(predicted // each, true // each, bins, half=cover_half_a_turn(panel.observations))
 
 
 def bin_count(panel: Panel) -> int:
@@ -157,7 +159,16 @@ def free_turns(recipe: Recipe, panel: Panel) -> int | None:
         return None
     several = len(panel.observations) > 1
     bins = bin_count(panel) if several else len(_firsts(getattr(prior, "parts", ()))) or ANYWHERE
-    return 2 * bins if names[0] == "angle" else bins
+    return 2 * bins if cover_half_a_turn(panel.observations) else bins
+
+
+def cover_half_a_turn(observations: Sequence[Observation]) -> bool:
+    """Whether these are directions of line integrals, none opposite to another."""
+    if observations[0].prior.names[0] != "angle":
+        return False
+    draws = [o.prior.sample(64, generator_at(0, i, "angles"))["angle"] for i, o in enumerate(observations)]
+    middles = F.normalize(torch.stack([torch.stack([draw.cos(), draw.sin()]).mean(1) for draw in draws]), dim=1)
+    return not bool((middles @ middles.T < -0.95).any())
 
 
 def _seen(panel: Panel, generated: Tensor, seed: int) -> Tensor:

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..adversarial.assignment import Predicted, balanced, choose_ways, k_means, predict, sharpness_at, train_predictor
+from ..adversarial.assignment import Predicted, choose_ways, estimated, k_means, predict, sharpness_at, train_predictor
 from ..adversarial.learned_prior import LearnedPrior
 from . import checkpoint, run_directory
 from .distribution import Distribution
@@ -233,9 +233,7 @@ class Loop:
         report = self.recorder.subtask("view predictor", settings.steps)
         loss = train_predictor(state.predictor, *self._labelled(settings.images, seed), settings, seed, report)
         report(settings.steps, loss)
-        probabilities = predict(state.predictor, panel.items, settings.binarise)
-        if settings.balance:
-            probabilities = balanced(probabilities, settings.balance)
+        probabilities = estimated(predict(state.predictor, panel.items, settings.binarise), settings)
         rng = generator_at(seed, 0, "choose")
         panel.ways = choose_ways(probabilities, settings.draw, rng, sharpness_at(settings, due))
         panel.heads = k_means(probabilities, settings.clusters, rng) if settings.clusters else panel.ways.clone()
