@@ -20,7 +20,6 @@ from unproject.adversarial.assignment import (
     k_means,
     likeliest_run,
     predict,
-    sharpness_at,
     train_predictor,
     uniform_ways,
 )
@@ -206,7 +205,7 @@ def test_balanced_means_reach_their_target_and_rows_stay_probabilities() -> None
     assert torch.allclose(balanced(p, 0.7).sum(1), torch.ones(200))
 
 
-# Windows and powers
+# Windows
 
 
 def around(first: int, length: int, ways: int = 8, seed: int = 0) -> Tensor:
@@ -239,21 +238,6 @@ def test_an_image_that_fits_nowhere_in_the_window_still_gets_a_way() -> None:
     assert torch.isfinite(found).all() and torch.allclose(found.sum(1), torch.ones(10))
 
 
-def test_the_power_falls_to_one() -> None:
-    settings = Predicted(SMALL, starts=(0.1, 0.2, 0.3), sharpness=5.0)
-    assert [sharpness_at(settings, k) for k in (1, 2, 3)] == [5, 3, 1]
-    assert sharpness_at(Predicted(SMALL, starts=(0.5,), sharpness=5.0), 1) == 5
-
-
-def test_powers_sharpen_the_draws() -> None:
-    odds = torch.tensor([[0.6, 0.3, 0.1]]).expand(20_000, 3)
-    for power in (1.0, 2.0, 50.0):
-        drawn = torch.bincount(choose_ways(odds, "posterior", generator_at(0), power), minlength=3) / 20_000
-        wanted = odds[0] ** power / (odds[0] ** power).sum()
-        assert (drawn - wanted).abs().max() < 0.015
-
-
-@pytest.mark.parametrize("wrong", [{"window": 0}, {"sharpness": 0.0}, {"sharpness": 1e9}])
-def test_windows_and_powers_that_make_no_sense(wrong: dict[str, Any]) -> None:
-    with pytest.raises(UserError, match=next(iter(wrong))):
-        Predicted(SMALL, **wrong)
+def test_a_window_of_no_ways_makes_no_sense() -> None:
+    with pytest.raises(UserError, match="window"):
+        Predicted(SMALL, window=0)

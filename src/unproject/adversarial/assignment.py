@@ -6,7 +6,7 @@ generator's own labelled projections says so, and everything is trained in alter
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,8 +16,11 @@ from torch import Tensor, nn
 
 from .._random import generator_at
 from .._types import UserError
+from ..projections.observation import Observation
 
 DRAWS = ("argmax", "posterior")
+
+FirstGuess = Callable[[Sequence[Observation], Tensor, int], Tensor]
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,8 @@ class Known:
 class Predicted:
     """Rounds of: train the generator, train a view predictor on its projections, assign the real images.
 
-    Round 0 gives every image a uniformly random way of looking and one head (PrGAN with discrete views).
+    Round 0 gives every image a uniformly random way of looking and one head (PrGAN with discrete views), or what a
+    first guess says of it and a head a way.
     At the start of every later round the predictor is trained on projections of generated things at uniform
     views; each real image takes the most probable way of looking (`draw="argmax"`) or one drawn from the
     predicted probabilities (`draw="posterior"`). A generated thing is looked at in the way of the real image
@@ -46,12 +50,9 @@ class Predicted:
         binarise: threshold images at ½ before the predictor sees them.
         fresh: train the predictor from scratch in every round.
         balance: how far the estimated view distribution is drawn to the uniform one, 0 (not) to 1 (`balanced`).
-        sharpness: draws are from the power `sharpness` of the posterior in the first round, and from the posterior
-            itself in the last, along a line. Where a thing and its mirror image explain the same images, powers above
-            1 make one of the two win; the posterior alone keeps any mixture of both.
-
         window: the ways go around in order, and the images were made in this many neighbouring ones, nobody knows
             which: each round takes the run of ways that makes the collection likeliest, and no other.
+        first: (ways of looking, images (N, ...), seed) → probabilities (N, ways) for round 0.
 
     References:
         Li et al. 2019; schedule and clusters from the authors' released implementation.
@@ -69,8 +70,8 @@ class Predicted:
     binarise: bool = False
     fresh: bool = False
     balance: float = 0.0
-    sharpness: float = 1.0
     window: int | None = None
+    first: FirstGuess | None = None
 
     def __post_init__(self) -> None:
         if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
@@ -80,18 +81,10 @@ class Predicted:
         for name in ("images", "steps", "batch"):
             if getattr(self, name) < 1:
                 raise UserError(f"Predicted({name}={getattr(self, name)}): must be at least 1")
-        if not 0 < self.sharpness < 100:
-            raise UserError(f"Predicted(sharpness={self.sharpness}): must be positive; 1 draws from the posterior")
         if self.window is not None and self.window < 1:
             raise UserError(f"Predicted(window={self.window}): must be at least 1, or None for all ways")
         if self.clusters is not None and self.clusters < 1:
             raise UserError(f"Predicted(clusters={self.clusters}): must be at least 1, or None for a head a way")
-
-
-def sharpness_at(settings: Predicted, round_: int) -> float:
-    """The power of round 1, 2, ...: from `sharpness` to 1 along a line."""
-    last = len(settings.starts)
-    return settings.sharpness + (1 - settings.sharpness) * (round_ - 1) / max(last - 1, 1)
 
 
 def uniform_ways(images: int, ways: int, seed: int) -> Tensor:
@@ -172,12 +165,11 @@ def estimated(probabilities: Tensor, settings: Predicted) -> Tensor:
     return torch.zeros_like(probabilities).index_copy(1, run, inside)
 
 
-def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator, power: float = 1.0) -> Tensor:
-    """One way of looking for each row of (N, ways): the most probable, or a draw from a power of the row."""
+def choose_ways(probabilities: Tensor, draw: str, rng: torch.Generator) -> Tensor:
+    """One way of looking for each row of (N, ways): the most probable, or a draw from the row."""
     if draw == "argmax":
         return probabilities.argmax(1)
-    powers = probabilities / probabilities.amax(1, keepdim=True)
-    return torch.multinomial(powers**power, 1, generator=rng)[:, 0]
+    return torch.multinomial(probabilities, 1, generator=rng)[:, 0]
 
 
 def k_means(rows: Tensor, clusters: int, rng: torch.Generator, starts: int = 5) -> Tensor:

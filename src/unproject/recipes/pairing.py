@@ -14,7 +14,6 @@ direct      the identity on the things themselves          `Known`, one head (3D
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -69,13 +68,11 @@ def by_known_view(collection: Collection, ways: Sequence[Observation]) -> Looks:
     return looks
 
 
-def modern_assignment(
-    views: Views, rounds: int, balance: float, sharpness: float = 1.0, window: int | None = None
-) -> Known | Predicted | LearnedPrior:
-    """What goes with `views`: draws from a predictor's posterior, little and often; a learned prior; or nothing."""
+def modern_assignment(views: Views, predicted: Predicted) -> Known | Predicted | LearnedPrior:
+    """What goes with `views`: `predicted`, such as `little_and_often`; a learned prior; or nothing."""
     if views == "learned":
         return LearnedPrior()
-    return little_and_often(rounds, balance, sharpness, window) if views == "predicted" else Known()
+    return predicted if views == "predicted" else Known()
 
 
 def paper_assignment(
@@ -87,7 +84,7 @@ def paper_assignment(
     return five_rounds(steps, clusters, binarise) if views == "predicted" else Known()
 
 
-def little_and_often(rounds: int, balance: float, sharpness: float = 1.0, window: int | None = None) -> Predicted:
+def little_and_often(rounds: int, balance: float, start: float = 0.05) -> Predicted:
     """Many short rounds, each image's way drawn from what the predictor thinks of it: stochastic EM.
 
     While the predictor knows little its draws are nearly random and training is PrGAN's; a few long rounds of
@@ -95,9 +92,8 @@ def little_and_often(rounds: int, balance: float, sharpness: float = 1.0, window
     """
     if rounds < 1 or not 0 <= balance <= 1:
         raise UserError(f"rounds={rounds}, balance={balance}: give at least 1 round and a balance of 0 to 1")
-    starts = tuple(0.05 + 0.93 * k / rounds for k in range(rounds))
-    settings = Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior")
-    return replace(settings, balance=balance, sharpness=sharpness, window=window)
+    starts = tuple(start + (0.98 - start) * k / rounds for k in range(rounds))
+    return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance)
 
 
 def five_rounds(steps: int, clusters: int | None, binarise: bool = False) -> Predicted:

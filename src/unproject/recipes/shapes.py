@@ -19,7 +19,7 @@ from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training.recipe import Adam, Looks, Recipe
-from .pairing import Views, modern_assignment, pair, paper_assignment
+from .pairing import Views, little_and_often, modern_assignment, pair, paper_assignment
 
 EMBEDDED_CHAIRS = 1000
 
@@ -99,7 +99,7 @@ def shapes(
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed, flips),
-        assignment=modern_assignment(views, rounds, balance),
+        assignment=modern_assignment(views, little_and_often(rounds, balance)),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
         regulariser=Solid(solid, solid / 10) if solid and views != "direct" else None,

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..adversarial.assignment import Predicted, choose_ways, estimated, k_means, predict, sharpness_at, train_predictor
+from ..adversarial.assignment import FirstGuess, Predicted, choose_ways, estimated, k_means, predict, train_predictor
 from ..adversarial.learned_prior import LearnedPrior
 from . import checkpoint, run_directory
 from .distribution import Distribution
@@ -113,6 +113,8 @@ class Loop:
         progress = self.progress()
         assignment = self.recipe.assignment
         if isinstance(assignment, Predicted):
+            if assignment.first is not None and counters.step == counters.round == 0:
+                self.guess(assignment, assignment.first)
             due = sum(start <= progress for start in assignment.starts)
             if due > counters.round:
                 self.assign(assignment, due)
@@ -220,10 +222,26 @@ class Loop:
         ):
             optimiser.param_groups[0]["lr"] = settings.rate_at(progress) * state.counters.rate_scale
 
+    def guess(self, settings: Predicted, first: FirstGuess) -> None:
+        """Round 0, where something is known of the real images before anything is generated."""
+        panel, seed = self.state.panels[0], derived_seed(self.recipe.seed, 0, "assignment")
+        self._take(settings, panel, first(panel.observations, panel.items, seed), seed, event="guessed")
+
+    def _take(self, settings: Predicted, panel: Panel, odds: Tensor, seed: int, **fields: object) -> None:
+        """Choose a way of looking and a head for each real image by its odds (N, ways), and note it."""
+        rng = generator_at(seed, 0, "choose")
+        panel.ways = choose_ways(odds, settings.draw, rng)
+        panel.heads = k_means(odds, settings.clusters, rng) if settings.clusters else panel.ways.clone()
+        self.distribution.copy_from_leader([panel.ways, panel.heads])
+        counters = self.state.counters
+        counters.seconds = time.monotonic() - self.began
+        counts = torch.bincount(panel.ways, minlength=len(panel.observations)).tolist()
+        self.recorder.write(counters.step, counters.seconds, **fields, ways=counts)
+
     def assign(self, settings: Predicted, due: int) -> None:
         """A round of assignment: train the view predictor on what the generator makes, assign the real images."""
         state, recipe = self.state, self.recipe
-        panel, ways = state.panels[0], len(state.panels[0].observations)
+        panel = state.panels[0]
         if settings.fresh:
             state.renew_predictor(recipe, due)
         assert state.predictor is not None
@@ -234,19 +252,11 @@ class Loop:
         loss = train_predictor(state.predictor, *self._labelled(settings.images, seed), settings, seed, report)
         report(settings.steps, loss)
         probabilities = estimated(predict(state.predictor, panel.items, settings.binarise), settings)
-        rng = generator_at(seed, 0, "choose")
-        panel.ways = choose_ways(probabilities, settings.draw, rng, sharpness_at(settings, due))
-        panel.heads = k_means(probabilities, settings.clusters, rng) if settings.clusters else panel.ways.clone()
-        self.distribution.copy_from_leader([panel.ways, panel.heads])
+        self._take(settings, panel, probabilities, seed, event="assigned", round=due, loss=round(loss, 6))
         if settings.restart and state.counters.round == 0:
             state.restart(recipe)
             self.forward = self._compiled()
         state.counters.round = due
-        state.counters.seconds = time.monotonic() - self.began
-        counts = torch.bincount(panel.ways, minlength=ways).tolist()
-        self.recorder.write(
-            state.counters.step, state.counters.seconds, event="assigned", round=due, loss=round(loss, 6), ways=counts
-        )
 
     @torch.no_grad()
     def _labelled(self, images: int, seed: int) -> tuple[Tensor, Tensor]:
