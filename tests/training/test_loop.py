@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from unproject._types import UserError
 from unproject.adversarial.assignment import Predicted
 from unproject.adversarial.penalties import GradientPenalty
 from unproject.networks import LowRankGenerator
+from unproject.projections.observation import Observation
 from unproject.recipes import shapes as shapes_module
 from unproject.recipes.shapes import shapes, shapes_paper
 from unproject.training import Adam, Recipe, load, loop, train
@@ -138,6 +139,21 @@ def test_round_0_has_random_ways_and_one_head(tmp_path: Path) -> None:
     tensors = final(trained(tmp_path, starts=(0.99,)))
     assert tensors["panels/0/heads"].unique().tolist() == [0]
     assert tensors["panels/0/ways"].unique().tolist() == list(range(BINS))
+
+
+def test_a_first_guess_gives_ways_and_heads_before_the_first_step(tmp_path: Path) -> None:
+    def first(observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
+        assert len(observations) == BINS and len(items) == 2 * CHAIRS
+        return torch.eye(BINS)[torch.arange(len(items)) % BINS]
+
+    recipe = toy(steps=2, starts=(0.99,))
+    assert isinstance(recipe.assignment, Predicted)
+    train(recipe.replace(assignment=replace(recipe.assignment, first=first)), tmp_path, quiet=True)
+    tensors = final(tmp_path)
+    assert tensors["panels/0/ways"].tolist() == [n % BINS for n in range(2 * CHAIRS)]
+    assert torch.equal(tensors["panels/0/ways"], tensors["panels/0/heads"])
+    noted = stats(tmp_path)[0]
+    assert noted["event"] == "guessed" and noted["ways"] == [2 * CHAIRS // BINS] * BINS
 
 
 def test_assigning_gives_every_image_the_head_of_its_way(tmp_path: Path) -> None:

@@ -135,9 +135,11 @@ def blob_looks(observations: Sequence[Observation], size: int, seed: int) -> Ten
     squares = (across - centres[:, 0, None, None]) ** 2 + (up - centres[:, 1, None, None]) ** 2
     blobs = (-squares / 2 / blob_deviation(size) ** 2).exp()[:, None]
     looks = []
-    for k, observation in enumerate(observations):
-        rng = generator_at(seed, k, "looks at blobs")
-        seen = observation(blobs.repeat_interleave(LOOKS, 0), rng)[:, 0]
+    for observation in observations:
+        # The same draws for every blob and direction: what differs between directions is not chance.
+        theta = observation.prior.sample(LOOKS, generator_at(seed, 0, "looks at blobs"))
+        theta = {name: value.to(blobs).repeat(len(blobs)) for name, value in theta.items()}
+        seen = observation.projection(blobs.repeat_interleave(LOOKS, 0), **theta)[:, 0]
         looks.append(seen.view(len(blobs), LOOKS, -1).mean(1).T)
     return torch.stack(looks)
 
