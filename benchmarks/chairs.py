@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from results import made_by, write
 
 from unproject import export
 from unproject.data import observe, read
@@ -47,7 +48,7 @@ from unproject.projections.silhouette import Silhouette
 from unproject.recipes import rebuild
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_panel, supervised_ceiling, true_views
-from unproject.training.run_directory import environment, read_recipe
+from unproject.training.run_directory import read_recipe
 
 ARMS = ("known", "predicted", "single", "direct")
 RESULTS = Path(__file__).parent.parent / "docs" / "results"
@@ -129,9 +130,7 @@ def score(arm: str, seed: int, options: argparse.Namespace) -> None:
         scores |= view_scores(found, ceiling, seed)
         confusion_picture(found.confusion).save(options.results / f"{arm}-{seed}-confusion.png")
     export.contact_sheet(generated[:8], options.results / f"{arm}-{seed}.png", size=96)
-    last = [json.loads(line) for line in (run.path / "stats.jsonl").open()][-1]
-    made_by = environment() | json.loads((run.path / "environment.json").read_text())
-    about = {"arm": arm, "seed": seed, "steps": run.step, "seconds": last["seconds"], "environment": made_by}
+    about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
     write(result(arm, seed, options), {**about, "scores": {name: asdict(value) for name, value in scores.items()}})
 
 
@@ -157,10 +156,6 @@ def score_training_set(options: argparse.Namespace) -> None:
     scores = shape_scores(training, test, bins=None) | unseen_scores(training, training, test, bins=None)
     values = {name: asdict(value) for name, value in scores.items()}
     write(result("training-set", 0, options), {"arm": "training-set", "scores": values})
-
-
-def write(path: Path, value: object) -> None:
-    path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
 
 
 def table(options: argparse.Namespace) -> str:

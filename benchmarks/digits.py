@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageDraw, ImageFont
+from results import made_by, write
 from torch import Tensor
 
 from unproject.data import read_images
@@ -29,7 +30,7 @@ from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, 
 from unproject.recipes import rebuild
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_accuracy, assigned_panel, free_turns, supervised_ceiling, true_views
-from unproject.training.run_directory import environment, read_recipe
+from unproject.training.run_directory import read_recipe
 
 ARMS = ("known", "predicted", "direct")
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "digits"
@@ -95,9 +96,7 @@ def score(arm: str, seed: int, options: argparse.Namespace, training: Tensor, te
         found = assigned_accuracy(panel, panel.ways, true)
         scores |= view_scores(found, supervised_ceiling(panel, true, recipe.seed), seed)
         confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.png")
-    last = [json.loads(line) for line in (run.path / "stats.jsonl").read_text().splitlines()][-1]
-    made_by = environment() | json.loads((run.path / "environment.json").read_text())
-    about = {"arm": arm, "seed": seed, "steps": run.step, "seconds": last["seconds"], "environment": made_by}
+    about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
     write(result(arm, seed), {**about, "scores": as_dict(scores)})
 
 
@@ -129,10 +128,6 @@ def gauge_of(arm: str) -> Gauge:
         return Gauge()
     bins = int(scores["gauge_turn"]["protocol"].partition("in 1/")[2].split()[0])
     return Gauge(int(scores["gauge_turn"]["value"]), bool(scores["gauge_reflected"]["value"]), bins)
-
-
-def write(path: Path, value: object) -> None:
-    path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
 
 
 def table() -> str:
