@@ -1,4 +1,4 @@
-"""Line integrals: exact on rectangles, right on discs, and the sparse path equal to the plain reference."""
+"""Line integrals: exact on rectangles, right on discs, and the sparse and native paths equal to the plain reference."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 from unproject._random import generator_at
-from unproject.ops.line_integrals import strip_integrals, strip_integrals_sparse
+from unproject.ops.line_integrals import strip_integrals, strip_integrals_native, strip_integrals_sparse
 
 ANGLES = torch.tensor([0, 0.02, 0.6, math.pi / 4, 1.2, math.pi / 2, 2.5, math.pi, 4.0, -0.3], dtype=torch.float64)
-BOTH = pytest.mark.parametrize("integrals", [strip_integrals, strip_integrals_sparse])
+FAST = pytest.mark.parametrize("integrals", [strip_integrals_sparse, strip_integrals_native])
+ALL = pytest.mark.parametrize("integrals", [strip_integrals, strip_integrals_sparse, strip_integrals_native])
 
 
 def edges(bins: int) -> Tensor:
@@ -40,7 +41,7 @@ def area_below(corners: list[tuple[float, float]], angle: float, limit: float) -
     return abs(sum(kept[k - 1][0] * y - kept[k - 1][1] * x for k, (x, y) in enumerate(kept))) / 2
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("bins", [7, 16, 40])
 def test_rectangles_of_pixels_are_exact_at_any_angle(integrals, bins):  # type: ignore[no-untyped-def]
     # Columns 3..9 and rows 2..5 of 16: x from 3/16 - 1/2 to 10/16 - 1/2, y from 1/2 - 6/16 to 1/2 - 2/16.
@@ -51,7 +52,7 @@ def test_rectangles_of_pixels_are_exact_at_any_angle(integrals, bins):  # type: 
     torch.testing.assert_close(y, expected, rtol=0, atol=1e-12)
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("centre", [(0.0, 0.0), (0.11, -0.07)])
 def test_a_disc_is_within_half_a_percent(integrals, centre):  # type: ignore[no-untyped-def]
     """∫ 2 √(r² - u²) du over a detector, of a disc drawn with 16² samples a pixel.
@@ -74,7 +75,7 @@ def test_a_disc_is_within_half_a_percent(integrals, centre):  # type: ignore[no-
         assert ((y - expected).abs() * counted).max() < 0.005 * 2 * radius, bins
 
 
-@BOTH
+@ALL
 def test_directions_along_the_axes(integrals):  # type: ignore[no-untyped-def]
     image = torch.rand(1, 2, 6, 6, generator=generator_at(0))
     turns = torch.tensor([0, 0.5, 1, 1.5]) * math.pi
@@ -83,22 +84,23 @@ def test_directions_along_the_axes(integrals):  # type: ignore[no-untyped-def]
     torch.testing.assert_close(y, torch.stack([columns, rows, columns.flip(1), rows.flip(1)]), rtol=0, atol=1e-6)
 
 
+@FAST
 @pytest.mark.parametrize(
     "shape, bins", [((8, 8), 8), ((8, 8), 3), ((8, 8), 29), ((5, 12), 12), ((12, 5), 7), ((1, 1), 4)]
 )
-def test_the_sparse_path_equals_the_reference(shape: tuple[int, int], bins: int) -> None:
+def test_the_fast_paths_equal_the_reference(integrals, shape, bins):  # type: ignore[no-untyped-def]
     rng = generator_at(1)
     for dtype, tolerance in ((torch.float64, 1e-12), (torch.float32, 2e-6)):
         image = torch.rand(len(ANGLES), 2, *shape, generator=rng).to(dtype).requires_grad_()
         angle = ANGLES.to(dtype)
-        y, expected = strip_integrals_sparse(image, angle, bins), strip_integrals(image, angle, bins)
+        y, expected = integrals(image, angle, bins), strip_integrals(image, angle, bins)
         torch.testing.assert_close(y, expected, rtol=0, atol=tolerance * bins)
         weight = torch.rand(y.shape, generator=rng).to(dtype)
         ours, theirs = (torch.autograd.grad(value, image, weight)[0] for value in (y, expected))
         torch.testing.assert_close(ours, theirs, rtol=0, atol=tolerance * bins)
 
 
-@BOTH
+@ALL
 def test_adjoint(integrals):  # type: ignore[no-untyped-def]
     image = torch.rand(len(ANGLES), 1, 32, 32, dtype=torch.float64, generator=generator_at(2)).requires_grad_()
     y = integrals(image, ANGLES, 32)
@@ -107,9 +109,10 @@ def test_adjoint(integrals):  # type: ignore[no-untyped-def]
     assert abs((y * weight).sum() - (image * back).sum()) < 1e-10
 
 
-def test_the_sparse_path_differentiates_twice() -> None:
+@FAST
+def test_the_fast_paths_differentiate_twice(integrals):  # type: ignore[no-untyped-def]
     image = torch.rand(2, 1, 3, 3, dtype=torch.float64, generator=generator_at(4)).requires_grad_()
-    assert torch.autograd.gradgradcheck(lambda x: strip_integrals_sparse(x, ANGLES[1:3], 4), image)
+    assert torch.autograd.gradgradcheck(lambda x: integrals(x, ANGLES[1:3], 4), image)
 
 
 def test_the_reference_differentiates_in_the_angle() -> None:
@@ -117,8 +120,9 @@ def test_the_reference_differentiates_in_the_angle() -> None:
     assert torch.autograd.gradcheck(lambda a: strip_integrals(image, a, 5), ANGLES[1:4].clone().requires_grad_())
 
 
-def test_all_that_falls_on_wide_enough_detectors_is_measured() -> None:
+@FAST
+def test_all_that_falls_on_wide_enough_detectors_is_measured(integrals):  # type: ignore[no-untyped-def]
     image = torch.rand(len(ANGLES), 1, 8, 8, dtype=torch.float64, generator=generator_at(6))
     image = torch.nn.functional.pad(image, (2, 2, 2, 2))  # its corners within the detectors at any angle
-    y = strip_integrals_sparse(image, ANGLES, 12)
+    y = integrals(image, ANGLES, 12)
     torch.testing.assert_close(y.mean(2), image.mean((2, 3)), rtol=0, atol=1e-12)

@@ -16,11 +16,13 @@ References:
 from __future__ import annotations
 
 import math
+from ctypes import c_int64
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
+from ._native import kernel, pointer
 from .rotation import cos_sin
 
 
@@ -44,6 +46,40 @@ def strip_integrals_sparse(image: Tensor, angle: Tensor, bins: int) -> Tensor:
     """The same, from the few strips that each pixel touches; `angle` gets no gradient."""
     shadows = cast_shadows(angle.detach(), image.shape[2], image.shape[3], bins)
     return _Cast.apply(image, shadows, False) * (bins / image.shape[3] ** 2)
+
+
+def strip_integrals_native(image: Tensor, angle: Tensor, bins: int) -> Tensor:
+    """The same on a processor by `line_integrals.cpp`, or by `strip_integrals_sparse` where that cannot be compiled."""
+    if _kernel(image, False) is None:
+        return strip_integrals_sparse(image, angle, bins)
+    return _Native.apply(image, torch.stack(cos_sin(angle.detach().to(image))), image.shape[2:], bins, False)
+
+
+def _kernel(x: Tensor, back: bool) -> Any:
+    return kernel(
+        "line_integrals", f"look{'_back' if back else ''}_{'double' if x.dtype == torch.float64 else 'float'}"
+    )
+
+
+class _Native(torch.autograd.Function):
+    """Images (B, C, H, W) to detectors (B, C, D), or `back`, the transposed: each is the other's gradient."""
+
+    @staticmethod
+    def forward(ctx: Any, values: Tensor, turned: Tensor, size: Any, bins: int, back: bool) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        ctx.save_for_backward(turned)
+        ctx.rest = size, bins, not back
+        values = values.contiguous()
+        result = values.new_empty(*values.shape[:2], *(size if back else (bins,)))
+        image, out = (result, values) if back else (values, result)
+        _kernel(values, back)(
+            pointer(image), pointer(turned[0]), pointer(turned[1]), pointer(out),
+            *map(c_int64, (*values.shape[:2], *size, bins)),
+        )  # fmt: skip
+        return result
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return _Native.apply(gradient, *ctx.saved_tensors, *ctx.rest), None, None, None, None
 
 
 class Shadows(NamedTuple):

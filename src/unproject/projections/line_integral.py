@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.line_integrals import strip_integrals, strip_integrals_sparse
+from ..ops.line_integrals import strip_integrals, strip_integrals_native
 from .base import Projection
 from .observation import Observation
 from .priors import Uniform
@@ -26,7 +26,7 @@ class LineIntegral(Projection):
 
     Attributes:
         bins: detectors; one a pixel of the image's width unless given.
-        fast: touch only the strips that a pixel falls into (`ops.line_integrals`): same values, several times sooner.
+        fast: touch only the strips that a pixel falls into (`ops.line_integrals`): same values, many times sooner.
 
     Raises:
         UserError: for fewer than one detector.
@@ -51,8 +51,8 @@ class LineIntegral(Projection):
         with torch.autocast(x.device.type, enabled=False):
             x = x if x.dtype == torch.float64 else x.float()
             # On a GPU sums by scattering depend on the order of threads, and the dense areas are no burden there.
-            sparse = self.fast and x.device.type == "cpu" and not angle.requires_grad
-            look = strip_integrals_sparse if sparse else strip_integrals
+            native = self.fast and x.device.type == "cpu" and not angle.requires_grad
+            look = strip_integrals_native if native else strip_integrals
             return look(x, angle.to(x), self.bins or x.shape[3])
 
 
