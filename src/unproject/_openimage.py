@@ -1,0 +1,89 @@
+"""Pictures in floating point or 16 bits, read and written by OpenImageIO: .hdr, .exr, .png and its other formats."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ._files import atomic_path
+from ._types import UserError
+
+MOST_PIXELS = 2**27  # 11600²: larger ones are mistakes or bombs
+Depth = Literal["uint8", "uint16", "half", "float"]
+
+
+class Picture(NamedTuple):
+    """Pixels (H, W, C) float32, integers scaled to [0, 1] as they are stored, and what they were stored as."""
+
+    pixels: np.ndarray
+    stored: str
+
+
+def read_picture(path: str | os.PathLike[str]) -> Picture:
+    """All channels of the first image of a file, no conversion of colours.
+
+    Raises:
+        UserError: if the file is missing, is no picture, is damaged or truncated, or is too large.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    name = os.fspath(path)
+    if not os.path.isfile(name):
+        raise UserError(f"{name}: there is no such file; check the path")
+    if not name.lower().endswith((".hdr", ".exr")):
+        _decoded(name)
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(name, config)
+    if file is None:
+        raise UserError(f"{name}: not a picture that can be read ({_reason(oiio.geterror())}); give .hdr, .exr or .png")
+    try:
+        spec = file.spec()
+        if spec.width * spec.height > MOST_PIXELS:
+            raise UserError(f"{name}: {spec.width} × {spec.height} pixels are too many; give at most {MOST_PIXELS}")
+        pixels = file.read_image("float")
+        if pixels is None or file.has_error:
+            raise UserError(f"{name}: damaged or truncated ({_reason(file.geterror())}); give a whole file")
+        return Picture(np.atleast_3d(np.asarray(pixels, np.float32)), str(spec.format))
+    finally:
+        file.close()
+
+
+def _decoded(name: str) -> None:
+    """Pillow reads ordinary pictures first: the library behind the other reader writes its complaints to stderr."""
+    from PIL import Image
+
+    try:
+        with Image.open(name) as picture:
+            if picture.width * picture.height > MOST_PIXELS:
+                raise Image.DecompressionBombError(f"{picture.width} × {picture.height} pixels are too many")
+            picture.load()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise UserError(f"{name}: not a picture that can be read ({_reason(str(error))}); give a whole .png") from error
+
+
+def write_picture(path: str | os.PathLike[str], pixels: Any, depth: Depth) -> None:
+    """Write (H, W) or (H, W, C); integers are scaled from [0, 1] and clamped. The format is the suffix's.
+
+    Raises:
+        OSError: if the disk refuses; no file is left half-written.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    pixels = np.ascontiguousarray(np.atleast_3d(np.asarray(pixels, np.float32)))
+    height, width, channels = pixels.shape
+    with atomic_path(path) as temporary:
+        file = oiio.ImageOutput.create(str(temporary))
+        if file is None:
+            raise UserError(f"{path}: no pictures can be written with this suffix; give .png, .exr or .hdr")
+        spec = oiio.ImageSpec(width, height, channels, depth)
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+        written = file.open(str(temporary), spec) and file.write_image(pixels) and file.close()
+        if not written:
+            raise OSError(f"{path}: {_reason(file.geterror())}")
+
+
+def _reason(text: str) -> str:
+    return " ".join(text.split())[:120] or "unknown format"

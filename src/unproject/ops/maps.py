@@ -1,0 +1,74 @@
+"""Maps of a material as one tensor (B, 8, H, W), so that a generator, a projection or a collection handles one thing.
+
+Channels: diffuse albedo k_d (3: red, green, blue), specular albedo k_s (1), roughness m (1, the RMS slope of
+Beckmann's distribution), unit normal n (3: x right, y up in the picture, z out of the surface). All values linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from .._types import UserError
+
+MAPS = {"diffuse": slice(0, 3), "specular": slice(3, 4), "roughness": slice(4, 5), "normal": slice(5, 8)}
+CHANNELS = 8
+UNIT = 0.02  # how far from 1 the length of a normal may be: what 8 bits a component leave
+
+
+def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:
+    """Four maps by name, (B, C, H, W) each, as one tensor (B, 8, H, W).
+
+    Raises:
+        UserError: for a map that is missing, has the wrong channels, or a size unlike the others'.
+    """
+    missing = [name for name in MAPS if name not in maps]
+    if missing:
+        raise UserError(f"maps: {', '.join(missing)} missing; give {', '.join(MAPS)}")
+    for name, place in MAPS.items():
+        wanted = place.stop - place.start
+        if maps[name].dim() != 4 or maps[name].shape[1] != wanted:
+            raise UserError(f"map {name!r}: give (N, {wanted}, H, W), not {tuple(maps[name].shape)}")
+        if maps[name].shape[0] != maps["diffuse"].shape[0] or maps[name].shape[2:] != maps["diffuse"].shape[2:]:
+            raise UserError(
+                f"map {name!r} is {tuple(maps[name].shape)} but diffuse is {tuple(maps['diffuse'].shape)}; "
+                "give all maps in one number and size"
+            )
+    return torch.cat([maps[name] for name in MAPS], 1)
+
+
+def unpack_maps(x: Tensor) -> dict[str, Tensor]:
+    """(B, 8, H, W) to the four maps by name."""
+    if x.dim() != 4 or x.shape[1] != CHANNELS:
+        raise UserError(f"maps: give (B, {CHANNELS}, H, W), not {tuple(x.shape)}")
+    return {name: x[:, place] for name, place in MAPS.items()}
+
+
+def check_maps(x: Tensor, source: str = "maps") -> Tensor:
+    """x (B, 8, H, W) as it is, if it can be a material; `source` is named in the error.
+
+    Raises:
+        UserError: for values that are not finite, a negative albedo, a roughness that is not positive, or a normal that
+            is not of unit length or points into the surface.
+    """
+    for name, value in unpack_maps(x).items():
+        if not value.isfinite().all():
+            raise UserError(f"{source}: {name} has values that are NaN or infinite; mend or leave out that material")
+        if name in ("diffuse", "specular") and value.min() < 0:
+            raise UserError(f"{source}: {name} is negative ({value.min():.3g}); an albedo is at least 0")
+        if name == "roughness" and value.min() <= 0:
+            raise UserError(f"{source}: roughness is {value.min():.3g} somewhere; give positive values, 0.001 or more")
+    normal = x[:, MAPS["normal"]]
+    off = (normal.norm(dim=1) - 1).abs().max()
+    if off > UNIT:
+        raise UserError(
+            f"{source}: normals are not of unit length (off by {off:.3g}); give components in [-1, 1], x right, y up, "
+            "z out of the surface, and no zeros"
+        )
+    if normal[:, 2].min() <= 0:
+        raise UserError(
+            f"{source}: a normal points into the surface (z = {normal[:, 2].min():.3g}); z must be positive"
+        )
+    return x
