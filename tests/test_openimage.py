@@ -51,5 +51,5 @@ def test_what_is_no_picture_is_refused(tmp_path: Path, suffix: str, content: byt
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file"):
         read_picture(tmp_path / "a.exr")
-    with pytest.raises(UserError, match="suffix"):
+    with pytest.raises(UserError, match="give a name"):
         write_picture(tmp_path / "a.txt", PIXELS, "float")

@@ -77,7 +77,7 @@ def write_picture(path: str | os.PathLike[str], pixels: Any, depth: Depth) -> No
     with atomic_path(path) as temporary:
         file = oiio.ImageOutput.create(str(temporary))
         if file is None:
-            raise UserError(f"{path}: no pictures can be written with this suffix; give .png, .exr or .hdr")
+            raise UserError(f"{path}: {_reason(oiio.geterror())}; give a name that ends in .png, .exr or .hdr")
         spec = oiio.ImageSpec(width, height, channels, depth)
         spec.attribute("oiio:UnassociatedAlpha", 1)
         written = file.open(str(temporary), spec) and file.write_image(pixels) and file.close()
