@@ -13,10 +13,14 @@ from torch import Tensor, nn
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.ops import absorption, expected_depth, rotate_y
+from unproject.ops.microfacet import Reflection
+from unproject.ops.shading import Sampling
 from unproject.projections.base import Identity, Projection
 from unproject.projections.line_integral import LineIntegral, directions
 from unproject.projections.observation import Observation
-from unproject.projections.priors import Bins, Empirical, Mixture, Prior, Product, Uniform
+from unproject.projections.priors import Bins, Cap, Empirical, Mixture, Prior, Product, Uniform
+from unproject.projections.rendering import Rendering, photographs, rendering_prior
+from unproject.projections.selection import selections
 from unproject.projections.silhouette import (
     CAMERAS,
     RULES,
@@ -69,7 +73,37 @@ PRIORS = {
     "prgan": prgan_views()[0].prior,
     "around": continuous_views(elevation=(-0.1, 0.2))[0].prior,
     "azimuth-elevation": azimuth_elevation_bins()[23].prior,
+    "cap": Cap("light", "light_azimuth", 1.2),
+    "pole": Cap("light", "light_azimuth", 0.0),
+    "photograph": photographs(torch.rand(2, 3, 8, 16, generator=generator_at(0)))[1].prior,
 }
+PROBES = torch.rand(2, 3, 8, 16, generator=generator_at(0), dtype=torch.float64)
+RENDERINGS = {
+    f"{name}-{fresnel}-{space}-{'developed' if developed else 'linear'}": Rendering(
+        lighting,
+        Reflection(fresnel, shadowing=shadowing),  # pyright: ignore[reportArgumentType]
+        Sampling(8),
+        space=space,  # pyright: ignore[reportArgumentType]
+        developed=developed,
+    )
+    for name, lighting in (("ambient", "ambient"), ("directional", "directional"), ("natural", PROBES))
+    for fresnel, shadowing, space, developed in (
+        ("eta", "smith", "texture", True),
+        ("albedo", "smith", "texture", False),
+        ("eta", "cook-torrance", "image", False),
+    )
+}
+
+
+class Materials:
+    """Maps as materials have them: normals out of the surface, a roughness that is not 0."""
+
+    @staticmethod
+    def example() -> Tensor:
+        x = 0.1 + 0.6 * torch.rand(3, 8, 4, 4, generator=generator_at(3))
+        x[:, 5:7] = x[:, 5:7] - 0.4
+        x[:, 7] = 0.9
+        return x
 
 
 class ExpectedDepth(Projection):
@@ -94,6 +128,17 @@ def test_other_projections_obey_the_laws(part: Projection | Observation) -> None
 @pytest.mark.parametrize("options", [{}, {"bins": 5}, {"bins": 13}, {"fast": False}], ids=str)
 def test_line_integrals_obey_the_laws(options: dict[str, Any]) -> None:
     check_projection(Observation("around", LineIntegral(**options), Uniform("angle", 0, 7)))
+
+
+@pytest.mark.parametrize("part", selections(), ids=lambda p: p.name)
+def test_selections_obey_the_laws(part: Observation) -> None:
+    check_projection(part)
+
+
+@pytest.mark.parametrize("name", RENDERINGS)
+def test_renderings_obey_the_laws(name: str) -> None:
+    look = RENDERINGS[name]
+    check_projection(Observation(name, look, rendering_prior(look, 0.7)), Materials.example())
 
 
 @pytest.mark.parametrize("name", PRIORS)

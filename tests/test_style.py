@@ -38,11 +38,14 @@ def parameters(function: Function) -> int:
     """How many arguments a caller can give, `self` and `cls` left out.
 
     A function that returns a `Recipe` is let off: its parameters are the experiment's configuration, each a flag
-    of `unproject train`, and hiding them in an object would only hide the flags.
+    of `unproject train`, and hiding them in an object would only hide the flags. So are the keyword-only ones of a
+    verb's `run(argument, /, *, ...)`.
     """
     if isinstance(function.returns, ast.Name) and function.returns.id == "Recipe":
         return 0
-    named = [a.arg for a in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)]
+    verb = function.name == "run" and function.args.posonlyargs and not function.args.args
+    flags = [] if verb else function.args.kwonlyargs
+    named = [a.arg for a in (*function.args.posonlyargs, *function.args.args, *flags)]
     return len([name for name in named if name not in ("self", "cls")])
 
 

@@ -18,12 +18,12 @@ _HOME = {
     "Identity": "unproject.projections.base",
     "Silhouette": "unproject.projections.silhouette",
     "LineIntegral": "unproject.projections.line_integral",
+    "Selection": "unproject.projections.selection",
+    "Rendering": "unproject.projections.rendering",
     "Observation": "unproject.projections.observation",
     "Uniform": "unproject.projections.priors",
     "Bins": "unproject.projections.priors",
-    "Mixture": "unproject.projections.priors",
     "Product": "unproject.projections.priors",
-    "Empirical": "unproject.projections.priors",
     "Known": "unproject.adversarial.assignment",
     "Predicted": "unproject.adversarial.assignment",
     "Recipe": "unproject.training.recipe",
@@ -64,10 +64,10 @@ if TYPE_CHECKING:
     from .projections.line_integral import LineIntegral as LineIntegral
     from .projections.observation import Observation as Observation
     from .projections.priors import Bins as Bins
-    from .projections.priors import Empirical as Empirical
-    from .projections.priors import Mixture as Mixture
     from .projections.priors import Product as Product
     from .projections.priors import Uniform as Uniform
+    from .projections.rendering import Rendering as Rendering
+    from .projections.selection import Selection as Selection
     from .projections.silhouette import Silhouette as Silhouette
     from .training import load as load
     from .training import resume as resume

@@ -7,7 +7,10 @@ from .download import PUBLIC, get
 from .flips import with_flips
 from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
+from .material_sets import material_records, read_material, read_materials
 from .observing import observe
+from .probes import probe_records, read_probe, read_probes, resample_probe
+from .procedural_probes import procedural_probes
 from .sampling import batch_rows, held_out
 
 __all__ = [
@@ -32,9 +35,17 @@ __all__ = [
     "get",
     "held_out",
     "inspect",
+    "material_records",
     "observe",
+    "probe_records",
+    "procedural_probes",
     "read",
     "read_images",
+    "read_material",
+    "read_materials",
+    "read_probe",
+    "read_probes",
     "read_shapes",
+    "resample_probe",
     "with_flips",
 ]

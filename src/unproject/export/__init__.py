@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike
 from unproject._types import UserError
 from unproject.export._volumes import Written
 from unproject.export.arrays import npz
+from unproject.export.material_gltf import material_gltf
+from unproject.export.material_x import material_x
+from unproject.export.materials import material_maps
 from unproject.export.meshes import glb, mesh, obj, ply
 from unproject.export.pictures import (
     contact_sheet,
@@ -28,10 +31,14 @@ from unproject.export.vox import vox
 
 __all__ = [
     "FORMATS",
+    "MATERIAL_FORMATS",
     "Written",
     "contact_sheet",
     "gallery",
     "glb",
+    "material_gltf",
+    "material_maps",
+    "material_x",
     "mesh",
     "npz",
     "obj",
@@ -53,6 +60,13 @@ FORMATS: dict[str, Callable[..., Written]] = {
     "gif": turntable_file,
 }
 """Format → the function (volumes, path, **options) that writes it; png is the contact sheet, gif the turntable."""
+
+MATERIAL_FORMATS: dict[str, Callable[..., Written]] = {
+    "maps": material_maps,
+    "mtlx": material_x,
+    "gltf": material_gltf,
+}
+"""Format → the function (maps, path, **options) that writes it; options are depth, fresnel and eta."""
 
 
 def write(volumes: ArrayLike, to: str, path: str | PathLike[str], **options: Any) -> Written:

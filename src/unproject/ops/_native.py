@@ -52,7 +52,7 @@ def _library(source: str) -> Any:
 def _built(compiler: str, source: Path, flags: tuple[str, ...]) -> Any:
     try:
         version = subprocess.run([compiler, "--version"], capture_output=True, timeout=SECONDS, check=True).stdout
-        target = _cache() / f"{source.stem}-{_key(version, source.read_bytes(), *flags, _processor())}.so"
+        target = _cache() / f"{source.stem}-{_key(version, *_sources(source), *flags, _processor())}.so"
         if not target.exists():
             with atomic_path(target) as temporary:
                 command = [compiler, *flags, "-o", str(temporary), str(source)]
@@ -60,6 +60,11 @@ def _built(compiler: str, source: Path, flags: tuple[str, ...]) -> Any:
         return ctypes.CDLL(str(target))
     except (OSError, subprocess.SubprocessError):
         return None
+
+
+def _sources(source: Path) -> list[bytes]:
+    """The source and the headers beside it."""
+    return [file.read_bytes() for file in (source, *sorted(source.parent.glob("*.h")))]
 
 
 def _cache() -> Path:

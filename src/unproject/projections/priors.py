@@ -68,6 +68,36 @@ class Uniform(Prior):
 
 
 @dataclass(frozen=True)
+class Cap(Prior):
+    """Directions evenly over the part of a sphere within `most` of its pole: a polar angle and an azimuth in [0, 2π).
+
+    cosθ = 1 - u (1 - cos most), φ = 2π v.
+    """
+
+    polar: str
+    azimuth: str
+    most: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.most <= math.pi:
+            raise UserError(f"Cap({self.polar!r}, most={self.most:g}): give an angle from 0 to π")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.polar, self.azimuth)
+
+    def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
+        # As sin²(θ/2), which keeps its digits where cosθ is next to 1; the least rounding up is taken back.
+        half = math.sin(self.most / 2) * torch.rand(n, generator=rng).sqrt()
+        polar = (2 * half.asin()).clamp(max=self.most)
+        return {self.polar: polar, self.azimuth: TURN * torch.rand(n, generator=rng)}
+
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        polar, azimuth = latents[self.polar], latents[self.azimuth]
+        return (polar >= 0) & (polar <= self.most + 1e-6) & (azimuth >= 0) & (azimuth < TURN)
+
+
+@dataclass(frozen=True)
 class Product(Prior):
     """Independent factors: p(θ) = Π_j p_j(θ_j). `Product()` draws nothing, for projections without latents."""
 

@@ -1,0 +1,154 @@
+"""glTF binary: an upright plane for each material, for Blender, Unity, Unreal and the web.
+
+The plane faces z with y up, its longer side 1; the picture's row 0 is its top edge, x of the picture is the tangent
+and y the bitangent. The material is dielectric, with F0 in KHR_materials_specular:
+
+    F0 = 0.04 · specularColorFactor · specularColorTexture,    KHR_materials_ior 1.5 being the 0.04
+
+The format has 8-bit textures and no base colour, roughness or reflectance above 1. A base colour above 1 is divided by
+its scale, which the material's extras state; F0 above 1 is in the file and viewers stop at 1; a material with m
+above 1 is left out. Viewers have a GGX lobe with alpha = r² where ours is Beckmann's.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from PIL import Image
+
+from unproject._types import UserError
+from unproject.export._volumes import Written, floor_grid, keep_usable, save, within
+from unproject.export.materials import Fresnel, Material, as_materials, scale_of, to_srgb
+
+_SPACING = 1.1
+_IOR = 1.5
+_F0 = 0.04
+_FLOAT, _UNSIGNED_SHORT = 5126, 5123
+_ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
+_LINEAR, _LINEAR_MIPMAP_LINEAR, _REPEAT = 9729, 9987, 10497
+
+
+def material_gltf(
+    maps: ArrayLike,
+    path: str | PathLike[str],
+    *,
+    depth: Literal["8"] = "8",
+    fresnel: Fresnel = "eta",
+    eta: float = 1.5,
+) -> Written:
+    """One .glb of planes, several in rows from the top left; a path without .glb gets materials.glb in that folder.
+
+    Raises:
+        UserError: maps that are no material, another depth, or no material that glTF can hold; such ones among
+            others are in `Written.skipped`. OSError: the disk; no file is left half-written.
+    """
+    if depth != "8":
+        raise UserError(f"depth {depth!r}: a .glb holds 8-bit pictures; leave depth out, or export maps or mtlx")
+    materials = as_materials(maps, fresnel, eta)
+    named = list(materials.items())
+    kept, skipped = keep_usable(list(materials), lambda i: _usable(*named[i]))
+    content = _Glb(kept, {"fresnel": fresnel, "eta": eta}).content()
+    return Written((save(within(Path(path), ".glb", "materials.glb"), content),), skipped)
+
+
+def _usable(name: str, material: Material) -> Material:
+    r = float(material.roughness.max())
+    if r > 1:
+        raise UserError(f"{name}: roughness reaches {r * r:.3g} and glTF ends at 1; clamp it, or export maps or mtlx")
+    return material
+
+
+class _Glb:
+    """A glTF tree and its binary chunk, grown plane by plane."""
+
+    def __init__(self, materials: dict[str, Material], extras: dict[str, Any]) -> None:
+        self.binary = bytearray()
+        self.tree: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "unproject"},
+            "extensionsUsed": ["KHR_materials_ior", "KHR_materials_specular"],
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(materials)))}],
+            "samplers": [
+                {"magFilter": _LINEAR, "minFilter": _LINEAR_MIPMAP_LINEAR, "wrapS": _REPEAT, "wrapT": _REPEAT}
+            ],
+            **{key: [] for key in ("nodes", "meshes", "materials", "textures", "images", "accessors", "bufferViews")},
+        }
+        height, width, _ = next(iter(materials.values())).basecolor.shape
+        plane = self._plane(width / max(width, height), height / max(width, height))
+        for (name, material), (x, y) in zip(materials.items(), floor_grid(len(materials), _SPACING), strict=True):
+            surface = self._add("materials", self._material(name, material, extras))
+            mesh = self._add("meshes", {"name": name, "primitives": [{**plane, "material": surface}]})
+            self._add("nodes", {"name": name, "mesh": mesh, "translation": [x, y, 0.0]})
+
+    def content(self) -> bytes:
+        """The file: a header, the tree as JSON, the binary chunk."""
+        binary = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
+        text = json.dumps({**self.tree, "buffers": [{"byteLength": len(binary)}]}, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+    def _add(self, key: str, value: dict[str, Any]) -> int:
+        self.tree[key].append(value)
+        return len(self.tree[key]) - 1
+
+    def _view(self, content: bytes, **more: int) -> int:
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(content), **more}
+        self.binary += content
+        return self._add("bufferViews", view)
+
+    def _plane(self, width: float, height: float) -> dict[str, Any]:
+        """Two triangles; glTF's texture coordinates run right and down, from the picture's top left corner."""
+        corners = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], "<f4")
+        x, y = (corners[:, 0] - 0.5) * width, (0.5 - corners[:, 1]) * height
+        places = np.stack([x, y, 0 * x], 1)
+        attributes = {
+            "POSITION": self._accessor(places, "VEC3", min=places.min(0).tolist(), max=places.max(0).tolist()),
+            "NORMAL": self._accessor(np.tile([0, 0, 1], (4, 1)), "VEC3"),
+            "TANGENT": self._accessor(np.tile([1, 0, 0, 1], (4, 1)), "VEC4"),
+            "TEXCOORD_0": self._accessor(corners, "VEC2"),
+        }
+        view = self._view(np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes(), target=_ELEMENT_ARRAY_BUFFER)
+        indices = {"bufferView": view, "componentType": _UNSIGNED_SHORT, "count": 6, "type": "SCALAR"}
+        return {"attributes": attributes, "indices": self._add("accessors", indices)}
+
+    def _accessor(self, values: np.ndarray, kind: str, **bounds: list[float]) -> int:
+        view = self._view(values.astype("<f4").tobytes(), target=_ARRAY_BUFFER)
+        accessor = {"bufferView": view, "componentType": _FLOAT, "count": len(values), "type": kind, **bounds}
+        return self._add("accessors", accessor)
+
+    def _texture(self, name: str, pixels: np.ndarray) -> dict[str, int]:
+        """(H, W, 3) in [0, 1] as an embedded 8-bit PNG."""
+        file = io.BytesIO()
+        Image.fromarray(np.round(255 * pixels).astype(np.uint8)).save(file, "PNG")
+        image = self._add("images", {"name": name, "mimeType": "image/png", "bufferView": self._view(file.getvalue())})
+        return {"index": self._add("textures", {"sampler": 0, "source": image})}
+
+    def _material(self, name: str, material: Material, extras: dict[str, Any]) -> dict[str, Any]:
+        base, brightest = scale_of(material.basecolor), float(material.specular.max())
+        reflected = material.specular.repeat(3, -1) / np.float32(brightest or 1)
+        r = material.roughness
+        rough = np.concatenate([np.ones_like(r), r, np.zeros_like(r)], -1)
+        specular = {
+            "specularColorFactor": [brightest / _F0] * 3,
+            "specularColorTexture": self._texture(f"{name} specular", to_srgb(reflected)),
+        }
+        return {
+            "name": name,
+            "pbrMetallicRoughness": {
+                "baseColorTexture": self._texture(f"{name} basecolor", to_srgb(material.basecolor / np.float32(base))),
+                "metallicFactor": 0,
+                "metallicRoughnessTexture": self._texture(f"{name} roughness", rough),
+            },
+            "normalTexture": self._texture(f"{name} normal", (material.normal + 1) / 2),
+            "extensions": {"KHR_materials_specular": specular, "KHR_materials_ior": {"ior": _IOR}},
+            "extras": {**extras, "basecolor_scale": base},
+        }

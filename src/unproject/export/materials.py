@@ -1,0 +1,230 @@
+"""Material maps as an artist's tools expect them: a folder of pictures, and a note that says what their numbers mean.
+
+From the maps of `ops.maps` (linear; roughness m is the RMS slope, Beckmann's alpha) each exporter takes
+
+    base colour   k_d                                     of the diffuse lobe
+    specular      F0 = k_s · ((eta - 1) / (eta + 1))²     reflectance at normal incidence, if fresnel is "eta"
+                  F0 = k_s                                if it is "albedo"
+    roughness     r = √m                                  perceptual: tools square it to get alpha
+    normal        v = (n + 1) / 2                         OpenGL's kind: x right, y up in the picture
+
+Base colour is sRGB encoded in PNG and linear in EXR; all else is linear. A picture that cannot hold values above 1
+holds them divided by a scale, and the note says so.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+
+from unproject._openimage import Depth, write_picture
+from unproject._types import UserError
+from unproject.export._volumes import Written, save
+from unproject.ops.maps import check_maps, unpack_maps
+
+Fresnel = Literal["eta", "albedo"]
+MapDepth = Literal["8", "16", "half", "float"]
+
+
+class Kind(NamedTuple):
+    """A way of storing pictures and the largest number it holds."""
+
+    suffix: str
+    stored: Depth
+    largest: float
+
+
+_KINDS: dict[str, Kind] = {
+    "8": Kind("png", "uint8", 1),
+    "16": Kind("png", "uint16", 1),
+    "half": Kind("exr", "half", 65504),
+    "float": Kind("exr", "float", math.inf),
+}
+_MEANING = {
+    "basecolor": "diffuse albedo k_d",
+    "specular": "F0, the reflectance at normal incidence",
+    "roughness": "perceptual roughness r = sqrt(m); m = r² is the RMS slope, alpha of a Beckmann distribution",
+    "normal": "v = (n + 1) / 2 of the unit normal n; x right, y up in the picture (OpenGL), z out of the surface",
+}
+_MODEL = (
+    "k_d / pi + D G F / (4 cos_i cos_o): Beckmann's D with alpha = m, separable Smith G, Schlick's F rising from F0; "
+    "a tool with another D takes the same alpha for a lobe much like it"
+)
+
+
+class Material(NamedTuple):
+    """What the artist's maps hold, (H, W, C) float32: k_d, F0 and r are linear, the normal has unit length."""
+
+    basecolor: np.ndarray
+    specular: np.ndarray
+    roughness: np.ndarray
+    normal: np.ndarray
+
+
+class Sheet(NamedTuple):
+    """A picture of one map: its file, how it is stored and encoded; the map is scale · what is decoded."""
+
+    file: str
+    stored: Depth
+    encoding: Literal["linear", "sRGB"]
+    scale: float
+
+
+def material_maps(
+    maps: ArrayLike,
+    path: str | PathLike[str],
+    *,
+    depth: MapDepth = "8",
+    fresnel: Fresnel = "eta",
+    eta: float = 1.5,
+) -> Written:
+    """A folder of basecolor, specular, roughness and normal, with material.json; material-00/, ... of a batch.
+
+    Args:
+        maps: (8, H, W), or (N, 8, H, W) with a folder for each; a tensor or an array.
+        depth: "8" or "16" bits of PNG, "half" or "float" EXR. Eight bits tell F0 apart in steps of 0.004, of which a
+            dielectric's 0.04 has ten: prefer another depth for those.
+        fresnel, eta: what k_s means.
+
+    Raises:
+        UserError: maps that are no material, or a path that is no folder. OSError: the disk. A new folder appears
+            whole or not at all; into one that exists whole files are moved once all are written, the note last.
+    """
+    materials, kind = as_materials(maps, fresnel, eta), kind_of(depth)
+    return write_folders(materials, path, lambda folder, m: write_maps(folder, m, kind, fresnel, eta))
+
+
+def kind_of(depth: MapDepth) -> Kind:
+    """How pictures of this depth are stored."""
+    if depth not in _KINDS:
+        raise UserError(f"depth: there is no {depth!r}; use one of {', '.join(_KINDS)}")
+    return _KINDS[depth]
+
+
+def as_materials(maps: ArrayLike, fresnel: Fresnel, eta: float) -> dict[str, Material]:
+    """The materials by name: material-00, ...; a single one is `material`.
+
+    Raises:
+        UserError: maps that are no material (the message names the first), or a reading of k_s that is none.
+    """
+    bright = unit_reflectance(fresnel, eta)
+    # A copy of arrays: torch warns of those that cannot be written to.
+    x = maps.detach().cpu().float() if isinstance(maps, torch.Tensor) else torch.tensor(np.asarray(maps, np.float32))
+    x = x[None] if x.dim() == 3 else x
+    if not x.numel():
+        raise UserError(f"maps: there is no material in an array of shape {tuple(x.shape)}; give (N, 8, H, W)")
+    unpack_maps(x)
+    digits = max(2, len(str(len(x) - 1)))
+    names = [f"material-{i:0{digits}d}" for i in range(len(x))] if len(x) > 1 else ["material"]
+    return {name: _material(check_maps(x[i : i + 1], name), bright) for i, name in enumerate(names)}
+
+
+def _material(x: torch.Tensor, bright: float) -> Material:
+    k_d, k_s, m, n = (value[0].permute(1, 2, 0).numpy() for value in unpack_maps(x).values())
+    return Material(k_d, k_s * np.float32(bright), np.sqrt(m), n / np.linalg.norm(n, axis=-1, keepdims=True))
+
+
+def unit_reflectance(fresnel: Fresnel, eta: float) -> float:
+    """F0 where k_s is 1."""
+    if fresnel not in get_args(Fresnel):
+        raise UserError(f"fresnel: there is no reading {fresnel!r} of the specular albedo; use one of eta, albedo")
+    if not 1 < eta < math.inf:
+        raise UserError(f"eta is {eta}: give a refractive index above 1, such as 1.5")
+    return 1.0 if fresnel == "albedo" else ((eta - 1) / (eta + 1)) ** 2
+
+
+def write_maps(folder: Path, material: Material, kind: Kind, fresnel: Fresnel, eta: float) -> dict[str, Sheet]:
+    """The four pictures and material.json into a folder; what was written, by the map's name."""
+    sheets = {name: _picture(folder, name, value, kind) for name, value in material._asdict().items()}
+    note = _note(material, sheets, fresnel, eta)
+    save(folder / "material.json", json.dumps(note, indent=2, ensure_ascii=False) + "\n")
+    return sheets
+
+
+def _picture(folder: Path, name: str, values: np.ndarray, kind: Kind) -> Sheet:
+    encoding = "sRGB" if name == "basecolor" and kind.suffix == "png" else "linear"
+    sheet = Sheet(f"{name}.{kind.suffix}", kind.stored, encoding, scale_of(values, kind.largest))
+    pixels = (values + 1) / 2 if name == "normal" else values / np.float32(sheet.scale)
+    write_picture(folder / sheet.file, to_srgb(pixels) if encoding == "sRGB" else pixels, kind.stored)
+    return sheet
+
+
+def scale_of(values: np.ndarray, largest: float = 1) -> float:
+    """1, or what the values must be divided by so that none is above `largest`."""
+    return max(1.0, float(values.max()) / largest)
+
+
+def to_srgb(linear: np.ndarray) -> np.ndarray:
+    """The transfer curve of IEC 61966-2-1, of values in [0, 1]."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def _note(material: Material, sheets: dict[str, Sheet], fresnel: Fresnel, eta: float) -> dict[str, Any]:
+    height, width, _ = material.basecolor.shape
+    about = {name: {"quantity": _MEANING[name], **sheet._asdict()} for name, sheet in sheets.items()}
+    about["basecolor"]["primaries"] = "Rec. 709, as sRGB"
+    return {
+        "format": "unproject material",
+        "width": width,
+        "height": height,
+        "rows": "row 0 is the top of the picture",
+        "model": _MODEL,
+        "fresnel": fresnel,
+        "eta": eta,
+        "F0_where_k_s_is_1": unit_reflectance(fresnel, eta),
+        "decoding": "undo the encoding of the file's values, then multiply by the scale: the quantity, linear",
+        "maps": about,
+    }
+
+
+def write_folders(
+    materials: dict[str, Material], path: str | PathLike[str], write: Callable[[Path, Material], Any]
+) -> Written:
+    """Let `write` fill a folder for each material, the folder itself for one; they appear when all are filled."""
+    path = Path(path)
+    if path.suffix in (".png", ".exr", ".json", ".mtlx") or (path.exists() and not path.is_dir()):
+        raise UserError(f"{path}: a material is a folder of maps; give the name of a folder")
+    with _filled_folder(path) as staging:
+        for name, material in materials.items():
+            folder = staging / name if len(materials) > 1 else staging
+            folder.mkdir(exist_ok=True)
+            write(folder, material)
+        files = _files(staging)
+    return Written(tuple(path / file for file in files))
+
+
+@contextmanager
+def _filled_folder(final: Path) -> Iterator[Path]:
+    """A hidden folder to fill on the same disk, whose content then moves to `final`; an error removes it."""
+    final = final.absolute()
+    exists = final.exists()
+    staging = (final if exists else final.parent) / f".{final.name}.{secrets.token_hex(4)}.tmp"
+    staging.mkdir(parents=True)
+    try:
+        yield staging
+        if exists:
+            for file in _files(staging):
+                (final / file).parent.mkdir(exist_ok=True)
+                os.replace(staging / file, final / file)
+        else:
+            os.replace(staging, final)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _files(folder: Path) -> list[Path]:
+    """Files below a folder, relative to it, in order; a folder's note after its pictures."""
+    found = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+    return sorted(found, key=lambda file: (file.parent, file.suffix == ".json", file.name))

@@ -1,0 +1,14 @@
+"""From radiance to the values of a picture, as a camera's: gamma 2.2 and a clamp at 1."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+GAMMA = 2.2
+TOE = 1e-4
+
+
+def develop(radiance: Tensor, gamma: float = GAMMA) -> Tensor:
+    """min(L^(1/γ), 1); below 10⁻⁴ the chord from 0, because the root's slope is infinite there."""
+    lit = radiance.clamp(min=TOE) ** (1 / gamma)
+    return (lit * (radiance / TOE).clamp(0, 1)).clamp(max=1)

@@ -1,0 +1,58 @@
+"""A pinhole camera aimed at the centre of a flat material one unit wide, in the plane z = 0.
+
+At (θ, φ) and a distance d it stands at d (sinθ cosφ, sinθ sinφ, cosθ). From φ = -90° at θ = 0 the picture's up is y.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+
+def towards(theta: Tensor, phi: Tensor) -> Tensor:
+    """(B, 3) unit vectors of polar angle θ from z and azimuth φ from x towards y."""
+    return torch.stack([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], -1)
+
+
+def texels(height: int, width: int, like: Tensor) -> Tensor:
+    """(3, H, W): the texels' centres, row 0 at the top (greatest y)."""
+    x = (2 * torch.arange(width, dtype=like.dtype, device=like.device) + 1 - width) / (2 * width)
+    y = (height - 1 - 2 * torch.arange(height, dtype=like.dtype, device=like.device)) / (2 * width)
+    return torch.stack(
+        [x.expand(height, width), y[:, None].expand(height, width), torch.zeros_like(x).expand(height, width)]
+    )
+
+
+def to_camera(theta: Tensor, phi: Tensor, distance: float, height: int, width: int) -> Tensor:
+    """(B, 3, H, W): from each texel to the camera, unit vectors."""
+    place = distance * towards(theta, phi)
+    direction = place[:, :, None, None] - texels(height, width, theta)
+    return direction / direction.norm(dim=1, keepdim=True)
+
+
+def photograph(picture: Tensor, theta: Tensor, phi: Tensor, distance: float, repeat: bool = False) -> Tensor:
+    """What the camera sees of the plane: (B, C, H, W) to the same, each pixel the mean of rays through it.
+
+    From straight above the plane fills the picture. Beside the material there is nothing, or with `repeat` the
+    material again, up to the horizon. Rays are as dense as texels are in the steepest foreshortening, up to 8 × 8.
+    """
+    height, width = picture.shape[2:]
+    fine = int((1 / theta.cos().abs().clamp(min=1 / 8)).max().ceil())
+    down, across = height * fine, width * fine
+    rays = texels(down, across, theta)[:2, None] / distance  # tangents from the optical axis
+    right = torch.stack([-phi.sin(), phi.cos(), torch.zeros_like(phi)], -1)
+    back = towards(theta, phi)
+    up = torch.linalg.cross(back, right)
+    direction = rays[0][..., None] * right[:, None, None] + rays[1][..., None] * up[:, None, None] - back[:, None, None]
+    reach = distance * back[:, 2, None, None] / (-direction[..., 2]).clamp(min=1e-6)
+    hit = distance * back[:, None, None] + reach[..., None] * direction
+    x, y = hit[..., 0], hit[..., 1] * (width / height)
+    seen = (direction[..., 2] < -1e-6) & (repeat | ((x.abs() <= 0.5) & (y.abs() <= 0.5)))
+    if repeat:
+        x, y = x - x.round(), y - y.round()
+        picture = F.pad(picture, (1, 1, 1, 1), mode="circular")
+        x, y = x * (width / (width + 2)), y * (height / (height + 2))
+    grid = torch.stack([2 * x, -2 * y], -1)
+    sampled = F.grid_sample(picture, grid.to(picture), padding_mode="border", align_corners=False)
+    return F.avg_pool2d(sampled * seen[:, None].to(picture), fine)

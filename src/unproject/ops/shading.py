@@ -1,0 +1,299 @@
+"""What a camera sees of a flat material under distant light: the seed's eq. 3, by Monte Carlo, and its slopes.
+
+    I(x, ωo) = ∫ f(x, ωi, ωo) max(cosθi, 0) L(ωi) dωi  ≈  Σ_j f(ωj) cosθj L(ωj) / Σ_k n_k p_k(ωj)
+
+Of a pixel's samples n_d are drawn from its diffuse lobe and n_s from its specular one, in proportion to their albedos,
+and n_l from the light; every sample is weighed with all three densities (Veach's balance heuristic), so that neither a
+small sun nor a sharp highlight is noisy. The counts are whole numbers, so the estimate is a smooth function of the maps
+for given sample points: its gradient is exact, and unbiased for that of the integral.
+
+This is the plain reference, a few samples at a time: memory grows with the pixels. `shading_native` is the fast one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import torch
+from torch import Tensor
+from torch.utils.checkpoint import checkpoint
+
+from .._types import UserError
+from .environment import Environments, look_up, sample_environments
+from .low_discrepancy import offsets, points, scramble, seeds, unit
+from .maps import unpack_maps
+from .microfacet import TINY, Reflection, cosine_density, lobe_density, reflect, sample_beckmann, sample_cosine
+
+STRATUM = 64  # light samples made ready for each one that a pixel takes
+CHUNK = 2**18  # samples worked on at a time
+LEAST = 1e-12
+LEAST_ROUGHNESS = 1e-3
+DELTA = 1e-3  # the seed's steps, of roughness and of the normal's angles
+
+
+class Ambient(NamedTuple):
+    """Radiance 1 from everywhere."""
+
+
+class Directional(NamedTuple):
+    """Light along (B, 3) unit vectors towards it, irradiance π on a plane that faces it."""
+
+    direction: Tensor
+
+
+class Environment(NamedTuple):
+    """One of several environments for each batch element: `which` (B,) int64, turned by `turn` (B,) about z."""
+
+    environments: Environments
+    which: Tensor
+    turn: Tensor
+
+
+Light = Ambient | Directional | Environment
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How the integral is estimated.
+
+    Attributes:
+        samples: a pixel; directional light needs none.
+        light: the share of them drawn from an environment's light; 0 is the seed's scheme.
+        points: "low-discrepancy", or "independent".
+        gradient: "exact": the slope of the estimate, whose samples move with the maps; less noise below a roughness of
+            about 0.1. "fixed": with the samples held where they are; as unbiased, less noise on rough materials.
+            "differences", the seed's: analytic for the albedos, central differences of 0.001 for the roughness and for
+            the normal's spherical angles, the same samples on both sides. Where a normal is exactly z the azimuth has
+            no slope and that part is 0.
+    """
+
+    samples: int = 32
+    light: float = 0.375
+    points: Literal["low-discrepancy", "independent"] = "low-discrepancy"
+    gradient: Literal["exact", "fixed", "differences"] = "exact"
+
+    def __post_init__(self) -> None:
+        if self.samples < 2:
+            raise UserError(f"{self.samples} samples a pixel: give at least 2, 16 or more to see anything")
+        if not 0 <= self.light < 1:
+            raise UserError(f"light {self.light:g}: give the share of samples drawn from the light, from 0 to below 1")
+        if self.points not in ("low-discrepancy", "independent"):
+            raise UserError(f"points {self.points!r}: give 'low-discrepancy' or 'independent'")
+        if self.gradient not in ("exact", "fixed", "differences"):
+            raise UserError(f"gradient {self.gradient!r}: give 'exact', 'fixed' or 'differences'")
+
+
+class Plan(NamedTuple):
+    """What the samples of a batch are a function of, besides the maps."""
+
+    lobes: int
+    lights: int
+    seed: Tensor
+    pool: Tensor
+    pool_light: Tensor
+    independent: bool
+
+
+def shade(
+    maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
+) -> Tensor:
+    """Radiance (B, 3, H, W) of maps (B, 8, H, W), each texel seen from `to_camera` (B, 3, H, W), unit vectors.
+
+    Args:
+        jitter: (B,) in [0, 1): which sample points; the same number gives the same picture.
+    """
+    if isinstance(light, Directional):
+        return _directional(maps, to_camera, light, reflection)
+    plan = plan_samples(light, sampling, jitter, maps)
+    fixed = maps if sampling.gradient == "exact" else maps.detach()
+    if sampling.gradient == "differences":
+        return _Differences.apply(maps, lambda x: _estimate(x, fixed, to_camera, light, reflection, plan))
+    return _estimate(maps, fixed, to_camera, light, reflection, plan)
+
+
+def plan_samples(light: Light, sampling: Sampling, jitter: Tensor, like: Tensor) -> Plan:
+    """How many samples go to the lobes and to the light, and the light's, made ready for all pixels."""
+    seed = seeds(jitter)
+    lights = round(sampling.samples * sampling.light) if isinstance(light, Environment) else 0
+    pool, pool_light = like.new_zeros(len(like), 1, 3), like.new_zeros(len(like), 1, 4)
+    if isinstance(light, Environment) and lights:
+        entry = torch.arange(lights * STRATUM, device=like.device)
+        keys = [scramble((entry * 4 + k) ^ scramble(seed + 1)[:, None]) for k in range(3)]
+        u = torch.stack([unit(key, like.dtype) for key in keys], -1)
+        u[..., 0] = (entry + u[..., 0]) / len(entry)
+        pool = sample_environments(light.environments, light.which, light.turn, u)
+        radiance, density = look_up(light.environments, light.which, light.turn, pool)
+        pool_light = torch.cat([radiance, density[..., None]], -1)
+    return Plan(sampling.samples - lights, lights, seed, pool, pool_light, sampling.points == "independent")
+
+
+def diffuse_counts(maps: Tensor, lobes: int) -> Tensor:
+    """(B, H W): how many lobe samples are diffuse, in proportion to the albedos; each lobe that reflects gets one."""
+    named = unpack_maps(maps.detach().flatten(3) if maps.dim() == 4 else maps)
+    k_d, k_s = named["diffuse"].mean(1), named["specular"][:, 0]
+    count = (lobes * k_d / (k_d + k_s).clamp(min=LEAST)).round()
+    # With η fixed k_s says nothing of what grazing angles reflect, nor does k_d = 0: both lobes keep a sample.
+    return count.clamp(min(1, lobes - 1), max(1, lobes - 1)).flatten(1)
+
+
+class Pixels(NamedTuple):
+    """Maps as the integral reads them: (B, P, 1) and (B, P, 1, 3), the camera in the frame of the normal."""
+
+    k_d: Tensor
+    k_s: Tensor
+    m: Tensor
+    frame: Tensor
+    camera: Tensor
+
+    def world(self, v: Tensor) -> Tensor:
+        """(..., 3) in the normal's frame to the material's."""
+        return (v[..., None, :] @ self.frame)[..., 0, :]
+
+    def local(self, v: Tensor) -> Tensor:
+        return (self.frame @ v[..., None])[..., 0]
+
+
+def pixels_of(maps: Tensor, to_camera: Tensor) -> Pixels:
+    named = {name: value.flatten(2).transpose(1, 2)[:, :, None] for name, value in unpack_maps(maps).items()}
+    frame = frame_of(named["normal"])
+    camera = to_camera.flatten(2).transpose(1, 2)[:, :, None]
+    camera = (frame @ camera[..., None])[..., 0]
+    return Pixels(
+        named["diffuse"],
+        named["specular"][..., 0],
+        named["roughness"][..., 0].clamp(min=LEAST_ROUGHNESS),
+        frame,
+        camera,
+    )
+
+
+def frame_of(normal: Tensor) -> Tensor:
+    """(..., 3, 3): two tangents and the normal, as rows; the normal is brought to unit length. z > -1."""
+    x, y, z = (normal / normal.square().sum(-1, keepdim=True).clamp(min=LEAST).sqrt()).unbind(-1)
+    a = -1 / (1 + z)
+    rows = (1 + x * x * a, x * y * a, -x), (x * y * a, 1 + y * y * a, -y), (x, y, z)
+    return torch.stack([torch.stack(row, -1) for row in rows], -2)
+
+
+def reflected(pixels: Pixels, i: Tensor, reflection: Reflection) -> Tensor:
+    """f cosθi (B, P, S, 3) for directions i in the normal's frame."""
+    base = reflection.base(pixels.k_d, pixels.k_s, pixels.camera[..., 2])
+    lobe = reflection.lobe(pixels.k_s, pixels.m, i, pixels.camera.expand_as(i))
+    return base * cosine_density(i)[..., None] + lobe[..., None]
+
+
+def _directional(maps: Tensor, to_camera: Tensor, light: Directional, reflection: Reflection) -> Tensor:
+    pixels = pixels_of(maps, to_camera)
+    value = math.pi * reflected(pixels, pixels.local(light.direction[:, None, None].to(maps)), reflection)
+    return value[:, :, 0].transpose(1, 2).reshape(len(maps), 3, *maps.shape[2:])
+
+
+def _estimate(
+    maps: Tensor, drawn_from: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, plan: Plan
+) -> Tensor:
+    """The sum over chunks of samples; a chunk is computed again for its gradient rather than kept."""
+
+    def part(maps: Tensor, drawn_from: Tensor, chunk: Tensor, of_light: bool) -> Tensor:
+        source = pixels_of(drawn_from, to_camera)
+        # A facet turned away from the camera mirrors nothing into it: all samples are the diffuse lobe's.
+        diffuse = torch.where(source.camera[:, :, 0, 2] > TINY, counts, plan.lobes)
+        draw = _light_samples if of_light else _lobe_samples
+        direction, radiance, weight = draw(source, light, diffuse, plan, chunk)
+        pixels = source if maps is drawn_from else pixels_of(maps, to_camera)
+        value = reflected(pixels, pixels.local(direction), reflection)
+        return (value * radiance * weight[..., None]).sum(2)
+
+    counts = diffuse_counts(drawn_from, plan.lobes)
+    size = max(1, CHUNK // (maps.shape[0] * maps.shape[2] * maps.shape[3]))
+    keep = torch.is_grad_enabled() and maps.requires_grad
+    total = maps.new_zeros(len(maps), maps.shape[2] * maps.shape[3], 3)
+    for chunk, of_light in _chunks(plan, size, maps.device):
+        arguments = (maps, drawn_from, chunk, of_light)
+        total = total + (checkpoint(part, *arguments, use_reentrant=False) if keep else part(*arguments))
+    return total.transpose(1, 2).reshape(len(maps), 3, *maps.shape[2:])
+
+
+def _chunks(plan: Plan, size: int, device: torch.device) -> Iterator[tuple[Tensor, bool]]:
+    for count, of_light in ((plan.lobes, False), (plan.lights, True)):
+        for chunk in torch.arange(count, device=device).split(size):
+            yield chunk, of_light
+
+
+Drawn = tuple[Tensor, Tensor, Tensor]
+"""Directions in the material's frame, their radiance, and one over the density of all samples together."""
+
+
+def _lobe_samples(pixels: Pixels, light: Light, diffuse: Tensor, plan: Plan, chunk: Tensor) -> Drawn:
+    dtype, count = pixels.m.dtype, pixels.m.shape[1]
+    u, v = (points(offsets(plan.seed, count, k), chunk, k, dtype, plan.independent) for k in range(2))
+    half = sample_beckmann(u, v, pixels.m)
+    from_lobe = reflect(pixels.camera, half)
+    local = torch.where((chunk < diffuse[..., None])[..., None], sample_cosine(u, v), from_lobe)
+    direction = pixels.world(local)
+    if isinstance(light, Environment):
+        radiance, light_density = look_up(light.environments, light.which, light.turn, direction)
+    else:
+        radiance, light_density = torch.ones_like(direction), torch.zeros_like(u)
+    return direction, radiance, _weight(pixels, local, light_density, diffuse, plan)
+
+
+def _light_samples(pixels: Pixels, light: Light, diffuse: Tensor, plan: Plan, chunk: Tensor) -> Drawn:
+    shift = offsets(plan.seed, pixels.m.shape[1], 2)[..., None]
+    if plan.independent:
+        entry = scramble(shift + chunk * 0x9E3779B9) % plan.pool.shape[1]
+    else:
+        entry = chunk * STRATUM + shift % STRATUM
+    batch = torch.arange(len(entry), device=entry.device)[:, None, None]
+    direction, value = plan.pool[batch, entry], plan.pool_light[batch, entry]
+    return direction, value[..., :3], _weight(pixels, pixels.local(direction), value[..., 3], diffuse, plan)
+
+
+def _weight(pixels: Pixels, i: Tensor, light_density: Tensor, diffuse: Tensor, plan: Plan) -> Tensor:
+    n_d = diffuse[..., None]
+    lobe = lobe_density(i, pixels.camera.expand_as(i), pixels.m)
+    density = n_d * cosine_density(i) + (plan.lobes - n_d) * lobe + plan.lights * light_density
+    return 1 / density.clamp(min=LEAST)
+
+
+class _Differences(torch.autograd.Function):
+    """An estimate with its samples held fixed, differentiated as the seed's section 2.4 does."""
+
+    @staticmethod
+    def forward(ctx: Any, maps: Tensor, estimate: Callable[[Tensor], Tensor]) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        ctx.save_for_backward(maps)
+        ctx.estimate = estimate
+        return estimate(maps)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        (maps,) = ctx.saved_tensors
+        estimate = ctx.estimate
+        with torch.enable_grad():
+            x = maps.detach().requires_grad_()
+            (slope,) = torch.autograd.grad(estimate(x), x, gradient)
+        result = torch.zeros_like(maps)
+        result[:, :4] = slope[:, :4]
+
+        def along(up: Tensor, down: Tensor) -> Tensor:
+            return ((estimate(up) - estimate(down)) * gradient).sum(1, keepdim=True)
+
+        above, below = maps.clone(), maps.clone()
+        above[:, 4:5] += DELTA
+        below[:, 4:5] = (below[:, 4:5] - DELTA).clamp(min=LEAST_ROUGHNESS)
+        result[:, 4:5] = along(above, below) / (above[:, 4:5] - below[:, 4:5])
+        normal = maps[:, 5:] / maps[:, 5:].norm(dim=1, keepdim=True)
+        theta, phi = normal[:, 2:].clamp(-1, 1).acos(), torch.atan2(normal[:, 1:2], normal[:, :1])
+        for d_theta, d_phi in ((DELTA, 0.0), (0.0, DELTA)):
+            above[:, :5] = below[:, :5] = maps[:, :5]
+            above[:, 5:], below[:, 5:] = (_spherical(theta + k * d_theta, phi + k * d_phi) for k in (1, -1))
+            step = above[:, 5:] - below[:, 5:]
+            # A difference along a step, put back onto the step's direction: 0 / 0 at the pole is 0.
+            result[:, 5:] += along(above, below) * step / step.square().sum(1, keepdim=True).clamp(min=LEAST)
+        return result, None
+
+
+def _spherical(theta: Tensor, phi: Tensor) -> Tensor:
+    return torch.cat([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], 1)

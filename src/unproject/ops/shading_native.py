@@ -1,0 +1,130 @@
+"""`shading.shade` on a processor by `shading.cpp`: the same estimate in float32, an order of magnitude sooner.
+
+Nothing is stored of the samples: the gradient computes them again. Pixels are shared out between threads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ._native import kernel, pointer
+from .low_discrepancy import STEPS
+from .microfacet import Reflection, reflectance
+from .shading import STRATUM, Directional, Environment, Light, Plan, Sampling, diffuse_counts, plan_samples, shade
+
+BLOCK = 8
+FLOATS = ("maps", "camera", "table", "turn", "pool", "along", "diffuse", "gradient")
+COUNTS = ("pixels", "rows", "columns", "lobes", "lights", "stratum")
+SWITCHES = ("natural", "independent", "albedo", "fixed")
+
+
+class Job(ctypes.Structure):
+    """`struct Job` of shading.cpp."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in (*FLOATS, "which", "seed", "out")),
+        *((name, ctypes.c_int64) for name in COUNTS),
+        *((name, ctypes.c_int32) for name in SWITCHES),
+        ("f0", ctypes.c_float),
+    ]
+
+
+def shade_fast(
+    maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
+) -> Tensor:
+    """`shading.shade`, by the kernel where it does what is asked for."""
+    if (
+        isinstance(light, Directional)
+        or sampling.gradient == "differences"
+        or not can_shade(maps, to_camera, reflection)
+    ):
+        return shade(maps, to_camera, light, reflection, sampling, jitter)
+    plan = plan_samples(light, sampling, jitter, maps)
+    return shade_native(maps, to_camera, light, reflection, plan, sampling.gradient == "fixed")
+
+
+def can_shade(maps: Tensor, camera: Tensor, reflection: Reflection) -> bool:
+    """Whether the kernel is there and does this: float32 on a processor, Smith's shadowing, no slope of the camera."""
+    fits = maps.dtype == torch.float32 and maps.device.type == "cpu" and not camera.requires_grad
+    return fits and reflection.shadowing == "smith" and kernel("shading", "shade") is not None
+
+
+def shade_native(
+    maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, plan: Plan, fixed: bool
+) -> Tensor:
+    """Radiance (B, 3, H, W); with `fixed` the gradient holds the samples where they are."""
+    return _Shade.apply(maps, to_camera, light, reflection, plan, fixed)
+
+
+class _Shade(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, maps: Tensor, camera: Tensor, *rest: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        ctx.save_for_backward(maps, camera)
+        ctx.rest = rest
+        return _run(maps, camera, *rest)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return _run(*ctx.saved_tensors, *ctx.rest, gradient=gradient), None, None, None, None, None
+
+
+def _run(
+    maps: Tensor,
+    camera: Tensor,
+    light: Light,
+    reflection: Reflection,
+    plan: Plan,
+    fixed: bool,
+    gradient: Tensor | None = None,
+) -> Tensor:
+    batch, _, height, width = maps.shape
+    natural = isinstance(light, Environment)
+    nothing = maps.new_zeros(1)
+    sample = torch.arange(plan.lobes, dtype=torch.float64)
+    out = maps.new_empty(batch, 3 if gradient is None else 8, height, width)
+    floats = {
+        "maps": maps.detach(),
+        "camera": camera.detach(),
+        "table": light.environments.table if natural else nothing,
+        "turn": light.turn if natural else nothing,
+        "pool": torch.cat([plan.pool, plan.pool_light, plan.pool_light[..., :1]], -1),
+        "along": torch.stack([torch.frac(sample * step) for step in STEPS], -1).float(),
+        "diffuse": diffuse_counts(maps, plan.lobes),
+        "gradient": gradient,
+    }
+    kept = {name: None if x is None else x.float().contiguous() for name, x in floats.items()}
+    which = light.which.long().contiguous() if natural else plan.seed
+    rows, columns = light.environments.size if natural else (0, 0)
+    job = Job(
+        **{name: None if x is None else pointer(x) for name, x in kept.items()},
+        **{"which": pointer(which), "seed": pointer(plan.seed), "out": pointer(out)},
+        **dict(zip(COUNTS, (height * width, rows, columns, plan.lobes, plan.lights, STRATUM), strict=True)),
+        **dict(
+            zip(SWITCHES, (natural, plan.independent, reflection.fresnel == "albedo", fixed), strict=True),
+            f0=reflectance(reflection.eta),
+        ),
+    )
+    _share_out(job, batch * -(-height * width // BLOCK))
+    return out
+
+
+def _share_out(job: Job, blocks: int) -> None:
+    shade = kernel("shading", "shade")
+    assert shade is not None
+    threads = min(torch.get_num_threads(), max(1, blocks // 16))
+    edges = [ctypes.c_int64(blocks * k // threads) for k in range(threads + 1)]
+    if threads == 1:
+        shade(ctypes.byref(job), *edges)
+    else:
+        list(_pool(threads).map(lambda k: shade(ctypes.byref(job), edges[k], edges[k + 1]), range(threads)))
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="shading")
