@@ -27,7 +27,7 @@ from .low_discrepancy import offsets, points, scramble, seeds, unit
 from .maps import unpack_maps
 from .microfacet import TINY, Reflection, cosine_density, lobe_density, reflect, sample_beckmann, sample_cosine
 
-STRATUM = 64  # light samples made ready for each one that a pixel takes
+POOL, STRATUM = 2**12, 64  # light samples made ready, and the most for each one that a pixel takes
 CHUNK = 2**18  # samples worked on at a time
 LEAST = 1e-12
 LEAST_ROUGHNESS = 1e-3
@@ -96,6 +96,11 @@ class Plan(NamedTuple):
     pool_light: Tensor
     independent: bool
 
+    @property
+    def stratum(self) -> int:
+        """How many entries of the pool lie ready for each light sample; a pixel takes one of them."""
+        return self.pool.shape[1] // max(1, self.lights)
+
 
 def shade(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
@@ -120,7 +125,7 @@ def plan_samples(light: Light, sampling: Sampling, jitter: Tensor, like: Tensor)
     lights = round(sampling.samples * sampling.light) if isinstance(light, Environment) else 0
     pool, pool_light = like.new_zeros(len(like), 1, 3), like.new_zeros(len(like), 1, 4)
     if isinstance(light, Environment) and lights:
-        entry = torch.arange(lights * STRATUM, device=like.device)
+        entry = torch.arange(lights * min(STRATUM, max(1, POOL // lights)), device=like.device)
         keys = [scramble((entry * 4 + k) ^ scramble(seed + 1)[:, None]) for k in range(3)]
         u = torch.stack([unit(key, like.dtype) for key in keys], -1)
         u[..., 0] = (entry + u[..., 0]) / len(entry)
@@ -245,7 +250,7 @@ def _light_samples(pixels: Pixels, light: Light, diffuse: Tensor, plan: Plan, ch
     if plan.independent:
         entry = scramble(shift + chunk * 0x9E3779B9) % plan.pool.shape[1]
     else:
-        entry = chunk * STRATUM + shift % STRATUM
+        entry = chunk * plan.stratum + shift % plan.stratum
     batch = torch.arange(len(entry), device=entry.device)[:, None, None]
     direction, value = plan.pool[batch, entry], plan.pool_light[batch, entry]
     return direction, value[..., :3], _weight(pixels, pixels.local(direction), value[..., 3], diffuse, plan)

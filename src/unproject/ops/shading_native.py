@@ -16,7 +16,7 @@ from torch import Tensor
 from ._native import kernel, pointer
 from .low_discrepancy import STEPS
 from .microfacet import Reflection, reflectance
-from .shading import STRATUM, Directional, Environment, Light, Plan, Sampling, diffuse_counts, plan_samples, shade
+from .shading import Directional, Environment, Light, Plan, Sampling, diffuse_counts, plan_samples, shade
 
 BLOCK = 8
 FLOATS = ("maps", "camera", "table", "turn", "pool", "along", "diffuse", "gradient")
@@ -104,7 +104,7 @@ def _run(
     job = Job(
         **{name: None if x is None else pointer(x) for name, x in kept.items()},
         **{"which": pointer(which), "seed": pointer(plan.seed), "out": pointer(out)},
-        **dict(zip(COUNTS, (height * width, rows, columns, plan.lobes, plan.lights, STRATUM), strict=True)),
+        **dict(zip(COUNTS, (height * width, rows, columns, plan.lobes, plan.lights, plan.stratum), strict=True)),
         **dict(
             zip(SWITCHES, (natural, plan.independent, reflection.fresnel == "albedo", fixed), strict=True),
             f0=reflectance(reflection.eta),

@@ -1,0 +1,203 @@
+"""Pictures of materials: the frames of the conventions, the camera's response, and the latents of each light."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+import unproject as up
+from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.ops.exposure import develop
+from unproject.ops.maps import check_maps, pack_maps, unpack_maps
+from unproject.ops.microfacet import Reflection
+from unproject.ops.shading import Sampling
+from unproject.projections.rendering import Rendering, photographs, rendering_prior
+
+
+def paper(size: int = 8, white: float = 1.0) -> Tensor:
+    x = torch.zeros(1, 8, size, size)
+    x[:, :3], x[:, 4], x[:, 7] = white, 0.5, 1
+    return x
+
+
+def angle(degrees: float) -> Tensor:
+    return torch.tensor([math.radians(degrees)])
+
+
+def mirror(roughness: float = 0.05, size: int = 33) -> Tensor:
+    x = paper(size, 0.0)
+    x[:, 3], x[:, 4] = 1, roughness
+    return x
+
+
+def linear(lighting: str | Tensor, **options: object) -> Rendering:
+    return Rendering(lighting, Reflection("albedo"), Sampling(64), developed=False, **options)  # pyright: ignore[reportArgumentType]
+
+
+def test_maps_by_name_are_maps() -> None:
+    x = torch.rand(2, 8, 4, 4)
+    named = unpack_maps(x)
+    assert torch.equal(pack_maps(named), x)
+    look = linear("directional")
+    theta = {"view": torch.zeros(2), "light": torch.full((2,), 0.3)}
+    assert torch.equal(look(named, **theta), look(x, **theta))
+    assert torch.equal(up.Selection("normal")(named), x[:, 5:])
+
+
+def test_a_highlight_is_where_the_mirror_direction_says() -> None:
+    """Seen from straight above at 4 widths, light 5° from the normal towards +x: a texel at x mirrors it into the
+    camera where the camera is 5° to the other side, so x = 4 tan 5° = 0.35 widths to the right."""
+    seen = linear("directional")(mirror(), view=angle(0), light=angle(5), light_azimuth=angle(0))[0, 0]
+    row, column = divmod(int(seen.argmax()), 33)
+    assert row == 16
+    assert (column + 0.5) / 33 - 0.5 == pytest.approx(4 * math.tan(math.radians(5)), abs=1 / 33)
+    seen = linear("directional")(mirror(), view=angle(0), light=angle(5), light_azimuth=angle(90))[0, 0]
+    row, column = divmod(int(seen.argmax()), 33)
+    assert column == 16 and row < 16  # towards +y: the upper half
+
+
+def test_the_camera_stands_at_the_bottom_edge() -> None:
+    """At 45° from there the light that is mirrored comes from beyond the top edge, azimuth 90°."""
+    look, x = linear("directional"), mirror()
+    opposite = look(x, view=angle(45), light=angle(45), light_azimuth=angle(90))[0, 0, 16, 16]
+    same_side = look(x, view=angle(45), light=angle(45), light_azimuth=angle(-90))[0, 0, 16, 16]
+    assert opposite > 100 * same_side
+    turned = look(x, view=angle(45), view_azimuth=angle(0), light=angle(45), light_azimuth=angle(180))[0, 0, 16, 16]
+    assert turned.item() == pytest.approx(opposite.item(), rel=1e-4)
+
+
+def test_normals_lean_as_they_say() -> None:
+    """A facet leaning towards +x by 10° is brightest under light from +x."""
+    x = paper()
+    x[:, 5], x[:, 7] = math.sin(math.radians(10)), math.cos(math.radians(10))
+    look = linear("directional")
+    right, left = (look(x, view=angle(0), light=angle(40), light_azimuth=angle(a))[0, 0, 4, 4] for a in (0, 180))
+    assert right.item() == pytest.approx(math.cos(math.radians(30)), rel=1e-4)
+    assert left.item() == pytest.approx(math.cos(math.radians(50)), rel=1e-4)
+
+
+def test_an_environment_shines_from_where_it_is_drawn() -> None:
+    """Light from φ = 90° (a quarter of the columns) at 45°: a facet leaning towards +y sees more of it; turned, +x."""
+    light = torch.zeros(1, 3, 16, 32)
+    light[:, :, 3:5, 7:9] = 50
+    look = linear(light)
+    lean = {}
+    for name, k in (("x", 5), ("y", 6)):
+        x = paper()
+        x[:, k], x[:, 7] = 0.5, math.sqrt(0.75)
+        for turn in (0.0, -90.0):
+            lean[name, turn] = look(x, view=angle(0), light=angle(turn), probe=torch.zeros(1))[0, 0, 4, 4].item()
+    assert lean["y", 0.0] > 1.5 * lean["x", 0.0]
+    assert lean["x", -90.0] > 1.5 * lean["y", -90.0]
+    assert lean["x", -90.0] == pytest.approx(lean["y", 0.0], rel=0.1)
+
+
+def test_a_photograph_of_paper_is_exposed() -> None:
+    """A uniform light of any strength makes grey paper its own grey, to the power 1/2.2."""
+    for strength in (0.01, 30.0):
+        look = Rendering(torch.full((1, 3, 8, 16), strength), sampling=Sampling(64))
+        seen = look(paper(8, 0.5), view=angle(0))
+        assert seen.mean().item() == pytest.approx(0.5 ** (1 / 2.2), abs=0.01)
+
+
+def test_the_response_is_a_power_with_a_finite_slope() -> None:
+    x = torch.tensor([0.0, 5e-5, 1e-4, 0.2, 1.0, 3.0], dtype=torch.float64, requires_grad=True)
+    y = develop(x)
+    expected = [0, 0.5 * 1e-4 ** (1 / 2.2), 1e-4 ** (1 / 2.2), 0.2 ** (1 / 2.2), 1, 1]
+    torch.testing.assert_close(y.detach(), torch.tensor(expected, dtype=torch.float64))
+    (slope,) = torch.autograd.grad(y.sum(), x)
+    assert slope.isfinite().all() and slope[0] > 0 and slope[-1] == 0
+
+
+def test_the_perspective_picture_from_above_is_the_texture() -> None:
+    x = torch.rand(1, 8, 16, 16, generator=generator_at(0)) * 0.5 + 0.2
+    x[:, 5:7], x[:, 7] = 0, 1
+    flat, picture = (
+        linear("directional", space=space)(x, view=angle(0), light=angle(20)) for space in ("texture", "image")
+    )
+    torch.testing.assert_close(picture, flat, rtol=1e-4, atol=1e-5)
+
+
+def test_the_perspective_picture_is_foreshortened() -> None:
+    """At 60° the plane is half as high, the far edge is narrower than the near one, and beside it is nothing."""
+    picture = linear("directional", space="image")(paper(64), view=angle(60), light=angle(0))[0, 0]
+    lit = picture > 0.5
+    rows = lit.any(1).nonzero()
+    assert int(rows.max() - rows.min()) + 1 == pytest.approx(32, abs=2)
+    far, near = lit[int(rows.min()) + 1].sum(), lit[int(rows.max()) - 1].sum()
+    assert far < near
+    everywhere = linear("directional", space="image", repeat=True)(paper(64), view=angle(60), light=angle(0))[0, 0]
+    assert everywhere.min() > 0.95
+
+
+def test_the_same_jitter_is_the_same_picture() -> None:
+    look, light = Rendering(torch.rand(1, 3, 8, 16) + 0.1, sampling=Sampling(8)), angle(10)
+    x = torch.rand(1, 8, 4, 4) * 0.5 + 0.2
+    pictures = [look(x, view=angle(20), light=light, jitter=torch.tensor([j])) for j in (0.3, 0.3, 0.7)]
+    assert torch.equal(pictures[0], pictures[1])
+    assert not torch.equal(pictures[0], pictures[2])
+
+
+def test_an_observation_draws_what_its_light_takes() -> None:
+    top, grazing = photographs(torch.rand(3, 3, 8, 16) + 0.1)
+    rng = generator_at(1)
+    for look, low, high in ((top, -5, 5), (grazing, 75, 85)):
+        drawn = look.prior.sample(500, rng)
+        view = drawn["view"] * 180 / math.pi
+        assert view.min() >= low and view.max() <= high and view.max() - view.min() > 9
+        assert drawn["probe"].long().unique().tolist() == [0, 1, 2]
+        assert look(torch.rand(2, 8, 4, 4) * 0.5 + 0.2, rng).shape == (2, 3, 4, 4)
+    straight = rendering_prior(Rendering("directional"), 0.0, 0.0).sample(10, rng)
+    assert straight["light"].abs().max() == 0
+    anywhere = rendering_prior(Rendering("directional"), 0.0).sample(4000, rng)["light"]
+    assert anywhere.cos().mean().item() == pytest.approx((1 + math.cos(math.radians(80))) / 2, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: Rendering("moon"), "ambient"),
+        (lambda: Rendering(torch.ones(3, 8, 16)), "K, 3, H, W"),
+        (lambda: Rendering(distance=0.1), "distance"),
+        (lambda: Rendering(space="flat"), "space"),  # pyright: ignore[reportArgumentType]
+        (lambda: Rendering()(paper(), view=torch.zeros(2)), "one view a material"),
+        (lambda: Rendering()(torch.ones(1, 3, 4, 4), view=torch.zeros(1)), "maps"),
+        (lambda: Rendering()(paper(), view=torch.zeros(1), light=torch.zeros(1)), "no light"),
+        (lambda: up.Selection("colour"), "diffuse"),
+        (lambda: up.Selection("diffuse")(torch.ones(1, 3, 4, 4)), "maps"),
+    ],
+)
+def test_what_cannot_be_is_refused(make, words: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(UserError, match=words):
+        make()
+
+
+def bad(name: str, change) -> dict[str, Tensor]:  # type: ignore[no-untyped-def]
+    named = {key: value.clone() for key, value in unpack_maps(paper()).items()}
+    named[name] = change(named[name])
+    return named
+
+
+@pytest.mark.parametrize(
+    "maps, words",
+    [
+        (bad("normal", lambda n: n * 0), "unit length"),
+        (bad("normal", lambda n: n * 1.2), "unit length"),
+        (bad("normal", lambda n: -n), "into the surface"),
+        (bad("diffuse", lambda d: d * math.nan), "NaN"),
+        (bad("diffuse", lambda d: d - 2), "negative"),
+        (bad("specular", lambda s: s - 1), "negative"),
+        (bad("roughness", lambda m: m * 0), "positive"),
+        (bad("diffuse", lambda d: d[:, :1]), r"give \(N, 3, H, W\)"),
+        (bad("specular", lambda s: s[..., 1:]), "one number and size"),
+        ({"diffuse": torch.ones(1, 3, 4, 4)}, "missing"),
+    ],
+)
+def test_bad_maps_are_named(maps: dict[str, Tensor], words: str) -> None:
+    with pytest.raises(UserError, match=words) as caught:
+        check_maps(pack_maps(maps))
+    assert "\n" not in str(caught.value)
