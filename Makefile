@@ -45,9 +45,11 @@ tests/gltf/node_modules: $(wildcard tests/gltf/package-lock.json)
 	    || echo "unproject: the glTF validator could not be installed; its tests will be skipped"; \
 	fi
 
-# deepinv is measured beside our line integrals; one file of it, so without its dependencies.
+# deepinv is measured beside our line integrals; one file of it, so without its dependencies. Mitsuba needs LLVM 19.
 bench: install
 	@$(PIP) --no-deps deepinv==0.5.0 || echo 'unproject: deepinv could not be installed and is left out'
+	@test -d $(VENV)/llvm || { command -v apt-get dpkg >/dev/null && cd $(VENV) && apt-get download -qq libllvm19 2>/dev/null \
+	    && dpkg -x libllvm19_*.deb llvm; } || echo 'unproject: LLVM could not be fetched; Mitsuba is left out'
 	$(BIN)/python benchmarks/run.py
 
 clean:

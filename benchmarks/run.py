@@ -7,13 +7,20 @@ import json
 
 import heads
 import lines
+import rendering
 import silhouettes
 import sooner
 import torch
 
 from unproject.training.run_directory import environment
 
-BENCHMARKS = {"silhouettes": silhouettes.run, "heads": heads.run, "lines": lines.run, "sooner": sooner.run}
+BENCHMARKS = {
+    "silhouettes": silhouettes.run,
+    "heads": heads.run,
+    "lines": lines.run,
+    "rendering": rendering.run,
+    "sooner": sooner.run,
+}
 
 
 def main() -> None:

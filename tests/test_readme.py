@@ -33,6 +33,9 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     seen = observe(chairs(12), azimuth_bins(4), seed=0)
     for name, picture in zip(seen.names, seen.items, strict=True):
         Image.fromarray((picture[0] * 255).to(torch.uint8).numpy()).save(folder / f"{name}.png")
+    (tmp_path / "my_wood").mkdir()
+    for name, value in (("Color", (120, 90, 60)), ("Roughness", (130, 130, 130)), ("NormalGL", (128, 128, 255))):
+        Image.new("RGB", (16, 16), value).save(tmp_path / "my_wood" / f"Wood_{name}.png")
     return folder
 
 
@@ -57,6 +60,7 @@ def test_the_commands_of_the_readme_run(masks: Path) -> None:
         arguments = shlex.split(command)[1:]
         assert main(arguments) == 0, line
     assert masks.is_dir() and Path("sheet.png").exists() and list(Path("meshes").glob("*.glb"))
+    assert all(Path(name).stat().st_size > 0 for name in ("wood.png", "wood.gif", "wood.glb"))
 
 
 def fill_what_was_learned(run: Path) -> None:

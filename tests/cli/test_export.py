@@ -22,7 +22,21 @@ def samples(tmp_path):
 
 
 def test_the_formats_are_those_of_the_package():
-    assert typing.get_args(typing.get_type_hints(run)["to"]) == tuple(export.FORMATS)
+    assert typing.get_args(typing.get_type_hints(run)["to"]) == (*export.FORMATS, *export.MATERIAL_FORMATS)
+
+
+@pytest.mark.parametrize("to", export.MATERIAL_FORMATS)
+def test_maps_are_written_as_each_format_of_materials(tmp_path, capsys, to):
+    maps = {
+        name: np.full((2, c, 4, 4), 0.5, np.float32) for name, c in (("diffuse", 3), ("specular", 1), ("roughness", 1))
+    }
+    normal = np.zeros((2, 3, 4, 4), np.float32)
+    normal[:, 2] = 1
+    np.savez(tmp_path / "maps.npz", **maps, normal=normal)
+    assert main(["export", str(tmp_path / "maps.npz"), "--to", to, "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().out.startswith("wrote ")
+    wanted = {"maps": "basecolor.png", "mtlx": "material.mtlx", "gltf": "*.glb"}[to]
+    assert list((tmp_path / "out").rglob(wanted))
 
 
 @pytest.mark.parametrize("to", export.FORMATS)

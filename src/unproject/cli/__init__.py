@@ -23,7 +23,7 @@ VERBS = {
     "resume": "go on with a run that was stopped",
     "sample": "draw new shapes from a run into an .npz file",
     "evaluate": "score a run",
-    "export": "write meshes, voxels, contact sheets and turntables of new shapes",
+    "export": "write meshes, contact sheets and turntables of new shapes, or maps of materials",
     "render": "render the maps of a material under natural, directional or ambient light",
     "recipes": "list the recipes, or show one",
     "check": "test a projection, prior, observation or generator of your own against the laws",

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from .._types import UserError
+from ._materials import read_maps
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -18,27 +19,38 @@ def run(
     /,
     *,
     out: Path,
-    to: Literal["glb", "obj", "ply", "vox", "npz", "png", "gif"] = "glb",
+    to: Literal["glb", "obj", "ply", "vox", "npz", "png", "gif", "maps", "mtlx", "gltf"] = "glb",
     n: int = 16,
     seed: int = 0,
     faces: int | None = None,
     hull: bool = False,
+    depth: Literal["8", "16", "half", "float"] = "8",
+    fresnel: Literal["eta", "albedo"] | None = None,
+    eta: float = 1.5,
     trust: bool = False,
 ) -> None:
-    """Write new shapes of a run, or the shapes that `unproject sample` wrote.
+    """Write new shapes of a run, or the shapes or materials that `unproject sample` wrote.
 
     Args:
-        source: A run directory, or an .npz of `unproject sample`.
+        source: A run directory, an .npz of `unproject sample`, or a folder of textures.
         out: The file (with the format's suffix: one scene of all shapes) or the folder to write.
-        to: glb, obj and ply are meshes, vox voxels, npz arrays, png a contact sheet and gif a turntable.
+        to: glb, obj and ply are meshes, vox voxels, npz arrays, png a contact sheet and gif a turntable. Of materials:
+            maps are folders of PNG or EXR, mtlx the same with MaterialX, gltf a .glb of planes.
         n: The number of shapes.
         seed: Which shapes: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
         hull: Fill what no level view can see.
+        depth: Bits of the maps' PNG, or half or float EXR.
+        fresnel: What the specular map means: see `unproject render --help`.
+        eta: The index of refraction, for --fresnel eta.
         trust: Import the generator's code although it is not of this package.
     """
     from .. import export
 
+    if to in export.MATERIAL_FORMATS:
+        maps, meant = read_maps(source)
+        write = export.MATERIAL_FORMATS[to]
+        return _report(write(maps[: _some(n)], out, depth=depth, fresnel=fresnel or meant, eta=eta))
     options = _options(to, faces)
     volumes = _volumes(source, n, seed, trust)
     _report(export.write(_hull(volumes) if hull else volumes, to, out, **options))
@@ -56,13 +68,17 @@ def _options(to: str, faces: int | None) -> dict[str, Any]:
 
 
 def _volumes(source: Path, n: int, seed: int, trust: bool) -> Any:
-    if n < 1:
-        raise UserError(f"--n {n}: ask for at least one shape")
     if source.suffix == ".npz":
-        return _sampled_before(source)[:n]
+        return _sampled_before(source)[: _some(n)]
     from ..training import load
 
-    return load(source, trust).generator.sample(n, seed=seed)
+    return load(source, trust).generator.sample(_some(n), seed=seed)
+
+
+def _some(n: int) -> int:
+    if n < 1:
+        raise UserError(f"--n {n}: ask for at least one")
+    return n
 
 
 def _hull(volumes: Any) -> Any:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from .._types import UserError
 from ._machine import use_threads
+from ._materials import read_maps
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -63,7 +63,7 @@ def run(
 
     use_threads(threads)
     _check(out, strip)
-    material, meant = _read(maps, size)
+    material, meant = read_maps(maps, size)
     theta, phi = _angles("--view", view, "80 or 80,-90", -90.0)
     if not abs(theta) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
@@ -84,24 +84,6 @@ def _check(out: Path, strip: int | None) -> None:
         raise UserError(f"--out {out}: a .gif shows a strip; say --strip 12, or give a .png")
     if strip is not None and (strip < 1 or out.suffix == ".npy"):
         raise UserError(f"--strip {strip}: give 1 picture or more, and a .png or .gif")
-
-
-def _read(path: Path, size: int | None) -> tuple[Tensor, Literal["eta", "albedo"]]:
-    """Maps (N, 8, H, W), and how their specular albedo is meant."""
-    import numpy as np
-
-    from ..data import material_records
-
-    found = material_records(path, size)
-    for name, why in found.skipped:
-        print(f"skipped {name}: {why}", file=sys.stderr)
-    if path.suffix != ".npz":
-        return found.items, "albedo"
-    with np.load(path, allow_pickle=False) as arrays:
-        meant = str(arrays["fresnel"]) if "fresnel" in arrays else "eta"
-    if meant not in ("eta", "albedo"):
-        raise UserError(f"{path}: fresnel is {meant!r}; store 'eta' or 'albedo', or leave it out")
-    return found.items, meant
 
 
 def _angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, float]:
