@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from unproject.adversarial.losses import Hinge, Loss, Relativistic, Wasserstein
+from unproject.adversarial.losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 
 REAL, FAKE = torch.tensor([1.0, -2.0]), torch.tensor([0.5, 3.0])
-LOSSES = [Wasserstein(), Hinge(), Relativistic()]
+LOSSES = [Wasserstein(), Hinge(), Relativistic(), Logistic()]
 
 
 def softplus(x: float) -> float:
@@ -25,6 +25,11 @@ def softplus(x: float) -> float:
         (Wasserstein(), 1.75 + 0.5, -1.75),
         (Hinge(), (0 + 3) / 2 + (1.5 + 4) / 2, -1.75),
         (Relativistic(), (softplus(-0.5) + softplus(5)) / 2, (softplus(0.5) + softplus(-5)) / 2),
+        (
+            Logistic(),
+            (softplus(-1) + softplus(2) + softplus(0.5) + softplus(3)) / 2,
+            (softplus(-0.5) + softplus(-3)) / 2,
+        ),
     ],
 )
 def test_values_by_hand(loss: Loss, discriminator: float, generator: float) -> None:

@@ -53,3 +53,14 @@ class Relativistic(Loss):
 
     def generator(self, real: Tensor, fake: Tensor) -> Tensor:
         return F.softplus(real - fake).mean()
+
+
+@dataclass(frozen=True)
+class Logistic(Loss):
+    """D: E softplus(-D(real)) + E softplus(D(fake)); G: E softplus(-D(fake)). Goodfellow et al. 2014."""
+
+    def discriminator(self, real: Tensor, fake: Tensor) -> Tensor:
+        return F.softplus(-real).mean() + F.softplus(fake).mean()
+
+    def generator(self, real: Tensor, fake: Tensor) -> Tensor:
+        return F.softplus(-fake).mean()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_module
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .._types import UserError
 from ._machine import use_threads
@@ -33,17 +33,18 @@ def run(
     Args:
         path: the run directory.
         reference: held-out shapes or images, silhouettes or line integrals; for the embedded chairs 200 others of
-            the family, for the embedded digits the 297 that are kept for this.
-        n: how many things to generate; 256 shapes or 2000 images unless given.
+            the family, for the embedded digits the 297 that are kept for this, for embedded materials as many others.
+        n: how many things to generate; 256 shapes, 2000 images or 500 materials unless given.
         seed: of what is generated and of the measurement.
         ceiling: also train a view predictor on the true views, to say what could be had.
         json: print one JSON object: metric → value, protocol, n, seed.
         threads: processor threads; all cores unless given.
         trust: import the run's code although it is not of this package.
     """
+    from ..ops.maps import kind_of
     from ..recipes import rebuild
     from ..training import Origin, load
-    from ..training.evaluation import evaluate, makes_images
+    from ..training.evaluation import evaluate
     from ..training.run_directory import read_recipe
 
     use_threads(threads)
@@ -53,8 +54,9 @@ def run(
     stored = read_recipe(path)
     recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust)
     one = opened.generator.sample(1)
-    held_out = _reference(reference, stored["arguments"], one)
-    scores = evaluate(opened, recipe, held_out, n or (2000 if makes_images(one) else 256), seed, ceiling)
+    count = n or MANY[kind_of(one)]
+    held_out = _reference(reference, stored, one, count)
+    scores = evaluate(opened, recipe, held_out, count, seed, ceiling)
     if json:
         print(json_module.dumps({name: asdict(score) for name, score in scores.items()}, indent=1))
         return
@@ -62,13 +64,25 @@ def run(
         print(f"{name:<16} {score.value:8.4f}   {score.protocol}")
 
 
-def _reference(path: Path | None, arguments: dict[str, object], one: Tensor) -> Collection | None:
-    """Held-out things: what the user names, else those kept of the embedded default if the run was trained on it."""
-    from ..data import Collection, chairs, digits, read, read_images
+MANY = {"image": 2000, "volume": 256, "maps": 500}
+UNSEEN = 2**40  # the seed of materials that no recipe trains on
 
-    images, size = one.shape[1] <= 4, one.shape[-1]
+
+def _reference(path: Path | None, stored: dict[str, Any], one: Tensor, count: int) -> Collection | None:
+    """Held-out things: what the user names, else those kept of the embedded default if the run was trained on it."""
+    from ..data import Collection, chairs, digits, read, read_images, read_materials
+    from ..ops.maps import kind_of
+
+    kind, size = kind_of(one), one.shape[-1]
     if path is not None:
-        return read_images(path, size) if images else read(path, size=size)
-    if arguments.get("data") is not None:
+        if kind == "maps":
+            return Collection(read_materials(path, size)[0])
+        return read_images(path, size) if kind == "image" else read(path, size=size)
+    if stored["arguments"].get("data") is not None:
         return None
-    return Collection(digits(size, held_out=True) if images else chairs(200, size, seed=1))
+    if kind == "maps":
+        from ..recipes.materials import WORLDS
+
+        world = WORLDS.get(stored["recipe"].partition("-")[0])
+        return None if world is None else Collection(world(count, size, UNSEEN))
+    return Collection(digits(size, held_out=True) if kind == "image" else chairs(200, size, seed=1))

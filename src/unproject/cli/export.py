@@ -48,9 +48,9 @@ def run(
     from .. import export
 
     if to in export.MATERIAL_FORMATS:
-        maps, meant = read_maps(source)
+        maps, meant = _materials(source, n, seed, trust)
         write = export.MATERIAL_FORMATS[to]
-        return _report(write(maps[: _some(n)], out, depth=depth, fresnel=fresnel or meant, eta=eta))
+        return _report(write(maps, out, depth=depth, fresnel=fresnel or meant, eta=eta))
     options = _options(to, faces)
     volumes = _volumes(source, n, seed, trust)
     _report(export.write(_hull(volumes) if hull else volumes, to, out, **options))
@@ -73,6 +73,19 @@ def _volumes(source: Path, n: int, seed: int, trust: bool) -> Any:
     from ..training import load
 
     return load(source, trust).generator.sample(_some(n), seed=seed)
+
+
+def _materials(source: Path, n: int, seed: int, trust: bool) -> tuple[Any, Literal["eta", "albedo"]]:
+    """Maps, and how their specular albedo is meant: of a run, of an .npz, or of folders of textures."""
+    if not (source / "recipe.json").exists():
+        maps, meant = read_maps(source)
+        return maps[: _some(n)], meant
+    from ..ops.maps import kind_of
+
+    maps = _volumes(source, n, seed, trust)
+    if kind_of(maps) != "maps":
+        raise UserError(f"{source}: makes no materials; export shapes --to glb, obj, ply or vox, pictures --to png")
+    return maps, "albedo"
 
 
 def _some(n: int) -> int:

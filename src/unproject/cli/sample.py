@@ -16,7 +16,10 @@ def run(
     out: Path = Path("samples.npz"),
     trust: bool = False,
 ) -> None:
-    """Draw new things from a run into an .npz file: `volume` (N, X, Y, Z) or `image` (N, 1, H, W), float32.
+    """Draw new things from a run into an .npz file, float32.
+
+    `volume` (N, X, Y, Z); or `image` (N, 1, H, W); or `diffuse`, `specular`, `roughness` and `normal` (N, C, H, W),
+    linear, and `fresnel`, how the specular albedo is meant.
 
     Args:
         path: the run directory.
@@ -28,6 +31,7 @@ def run(
     import numpy as np
 
     from .._files import atomic_path
+    from ..ops.maps import kind_of, unpack_maps
     from ..training import load
     from ..training.run_directory import naming
 
@@ -36,8 +40,10 @@ def run(
     if out.suffix != ".npz":
         raise UserError(f"--out {out}: give a name that ends in .npz")
     x = load(path, trust).generator.sample(n, seed)
-    volumetric = x.dim() == 4 and x.shape[1] > 4
-    kind = "volume" if volumetric else "image"
+    kind = kind_of(x)
+    arrays = {name: part.numpy() for name, part in unpack_maps(x).items()} if kind == "maps" else {kind: x.numpy()}
+    said = {"fresnel": np.array("albedo")} if kind == "maps" else {}
     with naming(out), atomic_path(out) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{kind: x.numpy()})  # pyright: ignore[reportArgumentType]
-    print(f"{out}: {n} {kind}s of {'x'.join(map(str, x.shape[1:]))}")
+        np.savez_compressed(file, **arrays, **said)  # pyright: ignore[reportArgumentType]
+    called = "sets of maps" if kind == "maps" else f"{kind}s"
+    print(f"{out}: {n} {called} of {'x'.join(map(str, x.shape[1:]))}")

@@ -8,10 +8,13 @@ from .flips import with_flips
 from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
 from .material_sets import material_records, read_material, read_materials
+from .materials import correlated, metal, plastic, wood
 from .observing import observe
+from .patches import material_patches
 from .probes import probe_records, read_probe, read_probes, resample_probe
 from .procedural_probes import procedural_probes
 from .sampling import batch_rows, held_out
+from .sightings import holds_sightings, read_sightings
 
 __all__ = [
     "AS_GIVEN",
@@ -29,14 +32,19 @@ __all__ = [
     "chair_parameters",
     "chairs",
     "contact_sheet",
+    "correlated",
     "digit_labels",
     "digits",
     "frame",
     "get",
     "held_out",
+    "holds_sightings",
     "inspect",
+    "material_patches",
     "material_records",
+    "metal",
     "observe",
+    "plastic",
     "probe_records",
     "procedural_probes",
     "read",
@@ -46,6 +54,8 @@ __all__ = [
     "read_probe",
     "read_probes",
     "read_shapes",
+    "read_sightings",
     "resample_probe",
     "with_flips",
+    "wood",
 ]

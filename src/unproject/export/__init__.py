@@ -21,6 +21,7 @@ from unproject.export.meshes import glb, mesh, obj, ply
 from unproject.export.pictures import (
     contact_sheet,
     gallery,
+    material_sheet,
     sheet_file,
     silhouette_sheet,
     turntable,
@@ -35,6 +36,7 @@ __all__ = [
     "Written",
     "contact_sheet",
     "gallery",
+    "material_sheet",
     "glb",
     "material_gltf",
     "material_maps",

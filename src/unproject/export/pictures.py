@@ -10,12 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
 
 from unproject._types import UserError
 from unproject.export._volumes import Written, as_batch, names_for, save, within
 from unproject.export.rendering import ELEVATION, fitted_extent, render, solid
+from unproject.ops.exposure import develop
+from unproject.ops.maps import unpack_maps
 
 # A quarter turn apart, none of them straight at a side: at 30° a chair shows its front, its side and its seat.
 AZIMUTHS = tuple(math.radians(a) for a in (30, 120, 210, 300))
@@ -87,6 +91,21 @@ def silhouette_sheet(
     grey = (255 * (1 - np.clip(masks, 0, 1))).round().astype(np.uint8).repeat(scale, 1).repeat(scale, 2)
     framed = np.pad(grey, ((0, 0), (0, 1), (0, 1)), constant_values=210)
     return _kept(Image.fromarray(_joined(_in_grid(framed[..., None].repeat(3, -1), columns))), path)
+
+
+def material_sheet(
+    maps: Tensor, pictures: Sequence[Tensor], path: str | PathLike[str] | None = None, *, scale: int = 1
+) -> Image.Image:
+    """A row a material: its diffuse, specular, roughness and normal map, and pictures (N, 3, H, W) of it.
+
+    Diffuse and specular are shown with gamma 2.2, normals as (n + 1)/2.
+    """
+    named = unpack_maps(maps.detach().cpu())
+    columns = [develop(named["diffuse"]), develop(named["specular"]), named["roughness"], named["normal"] / 2 + 0.5]
+    columns = [c.expand(-1, 3, -1, -1) for c in (*columns, *(p.detach().cpu() for p in pictures))]
+    cells = torch.stack(columns, 1).permute(0, 1, 3, 4, 2).clamp(0, 1).mul(255).round().byte().numpy()
+    cells = cells.repeat(scale, 2).repeat(scale, 3)
+    return _kept(Image.fromarray(_joined(cells)), path)
 
 
 def turntable(

@@ -1,4 +1,4 @@
-"""Scores, each with its protocol: sets of shapes, of images and of views up to gauge, sets of silhouettes."""
+"""Scores, each with its protocol: sets of shapes, of images and of views up to gauge, of silhouettes, of materials."""
 
 from .confusion import confusion_picture
 from .distances import chamfer, exposed_faces, one_minus_iou, surface_points
@@ -6,6 +6,9 @@ from .feature_sets import cubic_kernel, density_coverage, frechet_distance, kern
 from .gauge import Gauge, apply, apply_to_images, best_gauge, dihedral
 from .image_scores import best_image_gauge, image_scores
 from .line_sets import line_scores
+from .map_correlation import CorrelationError, CorrelationTable, correlation_error, map_correlations
+from .material_scores import material_scores
+from .patches import PatchDistance, kernel_patches, patch_distance, texture_features
 from .score import Score
 from .shape_scores import set_scores, shape_scores
 from .shape_sets import coverage, minimum_matching_distance, one_nearest_neighbour_accuracy
@@ -13,7 +16,10 @@ from .silhouette_sets import silhouette_features, silhouette_scores
 from .views import ViewAccuracy, chance_level, of_ceiling, view_accuracy, view_scores
 
 __all__ = [
+    "CorrelationError",
+    "CorrelationTable",
     "Gauge",
+    "PatchDistance",
     "Score",
     "ViewAccuracy",
     "apply",
@@ -23,6 +29,7 @@ __all__ = [
     "chamfer",
     "chance_level",
     "confusion_picture",
+    "correlation_error",
     "coverage",
     "cubic_kernel",
     "density_coverage",
@@ -31,17 +38,22 @@ __all__ = [
     "frechet_distance",
     "image_scores",
     "kernel_distance",
+    "kernel_patches",
     "line_scores",
+    "map_correlations",
+    "material_scores",
     "minimum_matching_distance",
     "of_ceiling",
     "one_minus_iou",
     "one_nearest_neighbour_accuracy",
+    "patch_distance",
     "precision_recall",
     "set_scores",
     "shape_scores",
     "silhouette_features",
     "silhouette_scores",
     "surface_points",
+    "texture_features",
     "view_accuracy",
     "view_scores",
 ]

@@ -7,6 +7,7 @@ Beckmann's distribution), unit normal n (3: x right, y up in the picture, z out 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -16,6 +17,14 @@ from .._types import UserError
 MAPS = {"diffuse": slice(0, 3), "specular": slice(3, 4), "roughness": slice(4, 5), "normal": slice(5, 8)}
 CHANNELS = 8
 UNIT = 0.02  # how far from 1 the length of a normal may be: what 8 bits a component leave
+
+
+def kind_of(things: Tensor) -> Literal["image", "maps", "volume"]:
+    """What (N, …) things are: images (N, up to 4, H, W), maps (N, 8, H, W) or volumes (N, X, Y, Z)."""
+    if things.dim() == 4 and things.shape[1] <= 4:
+        return "image"
+    # A volume eight voxels wide is a cube; maps of 8 × 8 pixels nobody makes.
+    return "maps" if things.shape[1] == CHANNELS and things.shape[1:] != (CHANNELS,) * 3 else "volume"
 
 
 def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:

@@ -91,11 +91,11 @@ class Reflection:
         return 1.0, k_s, (k_s / BRIGHT).clamp(max=1)
 
     def base(self, k_d: Tensor, k_s: Tensor, cos_o: Tensor) -> Tensor:
-        """k_d (..., 3), less what the surface reflects before."""
+        """k_d (..., 3), less what the surface reflects before; a facet turned away is as one turned as far towards."""
         if self.fresnel == "eta":
             return k_d
         _, f0, f90 = self.terms(k_s)
-        return k_d * (1 - schlick(cos_o.clamp(min=0), f0, f90))[..., None]
+        return k_d * (1 - schlick(cos_o.abs(), f0, f90))[..., None]
 
     def lobe(self, k_s: Tensor, m: Tensor, i: Tensor, o: Tensor) -> Tensor:
         """The specular part of f, times cosθi; 0 where either direction is below the surface."""

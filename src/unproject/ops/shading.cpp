@@ -107,7 +107,7 @@ Pixel<T> make_pixel(const Job& job, int64_t batch, const int64_t* index) {
     if (job.albedo) {
         p.f0 = p.k_s, p.f90 = lesser(p.k_s / BRIGHT, 1);
         p.f90_by_k_s = select(p.k_s <= BRIGHT, set(1 / BRIGHT), set(0));
-        T x = fifth(larger(p.o[2], 0.f));
+        T x = fifth(select(value(p.o[2]) < 0, -p.o[2], p.o[2]));
         p.base = 1.f - (from<T>(p.f0) + x * (p.f90 - p.f0));
         p.base_by_k_s = -(1.f + value(x) * (p.f90_by_k_s - 1.f));
     }

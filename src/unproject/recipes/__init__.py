@@ -19,6 +19,12 @@ _HOME = {
     "shapes": ("unproject.recipes.shapes:shapes", "shapes from silhouettes, made for a laptop"),
     "shapes-paper": ("unproject.recipes.shapes:shapes_paper", "shapes from silhouettes, the seed's choices"),
     "digits": ("unproject.recipes.digits:digits", "images from line integrals, made for a laptop"),
+    "wood": ("unproject.recipes.materials:wood_materials", "wood from maps and photographs, made for a laptop"),
+    "metal": ("unproject.recipes.materials:metal_materials", "metal from maps and photographs, made for a laptop"),
+    "plastic": ("unproject.recipes.materials:plastic_materials", "plastic from maps and photographs, for a laptop"),
+    "wood-paper": ("unproject.recipes.materials:wood_paper", "wood from maps and photographs, the seed's choices"),
+    "metal-paper": ("unproject.recipes.materials:metal_paper", "metal from maps and photographs, the seed's choices"),
+    "plastic-paper": ("unproject.recipes.materials:plastic_paper", "plastic, likewise, the seed's choices"),
     "digits-paper": ("unproject.recipes.digits:digits_paper", "images from line integrals, the seed's choices"),
 }
 

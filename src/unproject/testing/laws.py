@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -92,7 +93,8 @@ def equal(a: Any, b: Any) -> bool:
 
 
 def _plain_object(value: Any) -> bool:
-    return type(value).__eq__ is object.__eq__ and hasattr(value, "__dict__") and not callable(value)
+    code = inspect.isroutine(value) or isinstance(value, type)
+    return type(value).__eq__ is object.__eq__ and hasattr(value, "__dict__") and not code
 
 
 @contextmanager

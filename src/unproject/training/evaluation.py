@@ -18,16 +18,19 @@ from ..metrics import (
     ViewAccuracy,
     image_scores,
     line_scores,
+    material_scores,
     shape_scores,
     silhouette_scores,
     view_accuracy,
     view_scores,
 )
 from ..networks import ViewPredictor
+from ..ops.maps import kind_of
 from ..projections.observation import Observation
 from ..projections.priors import Prior
 from . import checkpoint
 from .panel import Panel, build_panels
+from .pictures import LIGHTS, relit
 from .recipe import Recipe
 from .run_directory import Run
 
@@ -68,8 +71,10 @@ def evaluate(
 
 def _set_scores(recipe: Recipe, panel: Panel, generated: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
     """The scores that fit what the references are: the things themselves, or what was seen of such things."""
+    if reference.shape[1:] == generated.shape[1:] and kind_of(generated) == "maps":
+        return material_scores(generated, reference, seed, rendered_alike(generated, reference))
     if reference.shape[1:] == generated.shape[1:]:
-        score = image_scores if makes_images(generated) else shape_scores
+        score = image_scores if kind_of(generated) == "image" else shape_scores
         return score(generated, reference, selection=None, bins=free_turns(recipe, panel), seed=seed)
     seen = _seen(panel, generated, seed)
     if reference.shape[1:] != seen.shape[1:]:
@@ -81,9 +86,10 @@ def _set_scores(recipe: Recipe, panel: Panel, generated: Tensor, reference: Tens
     return score(seen, reference, seed=seed)
 
 
-def makes_images(generated: Tensor) -> bool:
-    """Images have up to four channels, (B, C, H, W); volumes (B, X, Y, Z) are never so thin."""
-    return generated.shape[1] <= 4
+def rendered_alike(generated: Tensor, reference: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
+    """Both sets of maps under the same lights, those of `relit`."""
+    pairs = zip(relit(generated), relit(reference), strict=True)
+    return dict(zip(("flash", *(name for name, _ in LIGHTS)), pairs, strict=True))
 
 
 def assigned_panel(run: Run, recipe: Recipe) -> Panel:

@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
-from ..export import contact_sheet, silhouette_sheet
+from ..data import procedural_probes
+from ..export import contact_sheet, material_sheet, silhouette_sheet
 from ..networks import Generator
+from ..ops.maps import kind_of
+from ..ops.microfacet import Reflection
+from ..ops.shading import Sampling
+from ..projections.rendering import Rendering
 
-SHAPES, IMAGES = 6, 64
+SHAPES, IMAGES, MATERIALS = 6, 64, 10
+LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))  # and the camera's angle from the normal
 
 
 def save_samples(generator: Generator, path: Path) -> None:
-    """Things of the same codes at every call, so that pictures of a run can be compared: six shapes, or 64 images."""
+    """Things of the same codes at every call, so that pictures of a run can be compared."""
     x: Tensor = generator.sample(SHAPES, seed=0, batch=SHAPES)
-    if x.shape[1] <= 4:  # channels of an image
+    kind = kind_of(x)
+    if kind == "image":
         silhouette_sheet(generator.sample(IMAGES, seed=0), path, scale=2)
+    elif kind == "maps":
+        maps = generator.sample(MATERIALS, seed=0)
+        material_sheet(maps, relit(maps), path)
     else:
         contact_sheet(x, path, size=96)
+
+
+@torch.no_grad()
+def relit(maps: Tensor) -> list[Tensor]:
+    """Maps under a flash from above and under the built-in lights: pictures (N, 3, H, W), one a light."""
+    theta = torch.zeros(len(maps))
+    flash = Rendering("directional", Reflection("albedo"))
+    pictures = [flash(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)]
+    for look, (_, view) in zip(_looks(), LIGHTS, strict=True):
+        pictures.append(look(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5))
+    return pictures
+
+
+@cache
+def _looks() -> list[Rendering]:
+    probes, names = procedural_probes(32)
+    chosen = [probes[names.index(name)][None] for name, _ in LIGHTS]
+    return [Rendering(probe, Reflection("albedo"), Sampling(64)) for probe in chosen]

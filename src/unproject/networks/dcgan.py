@@ -1,0 +1,82 @@
+"""The discriminator of the seed's materials: DCGAN with batch norm and minibatch discrimination."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+
+from .._types import UserError
+from .blocks import upsampling_levels
+
+
+class DCGANDiscriminator(nn.Module):
+    """Stride-2 convolutions to 4², each with LeakyReLU and, after the first, batch norm; minibatch discrimination.
+
+    Args:
+        shape: (C, H, W) of one image, square, a side of 4·2^k.
+        heads: rows of the last layer, one a way of looking.
+        channels: after the first convolution; doubles with every one, to eight times as many at most.
+        group: images of one batch, which are compared with one another: those of a concatenated forward pass of real
+            and generated ones are compared within their own group only. None: all that come together.
+
+    References:
+        Li et al. 2019, supplemental, section 2.2; Radford et al. 2016; Salimans et al. 2016 (minibatch discrimination).
+
+    Raises:
+        UserError: for images of another shape.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        heads: int = 1,
+        channels: int = 64,
+        group: int | None = None,
+        kernels: int = 16,
+        slope: float = 0.2,
+    ) -> None:
+        super().__init__()
+        if len(shape) != 3 or shape[1] != shape[2]:
+            raise UserError(f"DCGAN discriminator: give square images (C, H, H), not {shape}")
+        widths = [min(channels * 2**k, 8 * channels) for k in range(upsampling_levels(shape[1]))]
+        layers: list[nn.Module] = [nn.Conv2d(shape[0], widths[0], 4, 2, 1), nn.LeakyReLU(slope)]
+        for before, after in zip(widths, widths[1:], strict=False):
+            layers += [nn.Conv2d(before, after, 4, 2, 1), nn.BatchNorm2d(after), nn.LeakyReLU(slope)]
+        self.layers = nn.Sequential(*layers)
+        features = widths[-1] * 4**2
+        self.group = group
+        self.minibatch = MinibatchDiscrimination(features, kernels)
+        self.last = nn.Embedding(heads, features + kernels + 1)
+        nn.init.normal_(self.last.weight, std=features**-0.5)
+
+    def forward(self, image: Tensor, head: Tensor) -> Tensor:
+        """Logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
+        x = self.layers((image * 2 - 1).contiguous(memory_format=torch.channels_last)).flatten(1)
+        groups = x.split(self.group or len(x))
+        x = torch.cat([torch.cat([part, self.minibatch(part)], 1) for part in groups])
+        row = self.last(head)
+        return (x * row[:, :-1]).sum(1) + row[:, -1]
+
+
+class MinibatchDiscrimination(nn.Module):
+    """How close a batch lies together: o_k(i) = Σ_{j ≠ i} exp(-|M_k f_i - M_k f_j|₁), K kernels M_k of `rows` rows.
+
+    A generator that makes one thing again and again is found out by its company.
+
+    References:
+        Salimans et al. 2016, Improved techniques for training GANs, section 3.2.
+    """
+
+    def __init__(self, features: int, kernels: int = 16, rows: int = 5) -> None:
+        super().__init__()
+        self.shape = (kernels, rows)
+        self.matrix = nn.Linear(features, kernels * rows, bias=False)
+        nn.init.normal_(self.matrix.weight, std=1 / math.sqrt(features))
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(B, kernels) of (B, features)."""
+        m = self.matrix(features).view(len(features), *self.shape)
+        distance = (m[:, None] - m[None]).abs().sum(-1)
+        return torch.exp(-distance).sum(1) - 1  # less itself

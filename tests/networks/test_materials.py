@@ -1,0 +1,72 @@
+"""Generators of materials: maps that can be materials, codes as the seed draws them, samples that repeat."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from unproject._random import generator_at, seeded
+from unproject.networks import DCGANMaterials, Generator, SmoothMaterials
+from unproject.networks.materials import noise_of
+from unproject.ops.maps import MAPS, check_maps
+from unproject.testing import check_generator
+
+
+def made(kind: str) -> Generator:
+    with seeded(0):
+        return (
+            DCGANMaterials(16, channels=32, code_size=24)
+            if kind == "dcgan"
+            else SmoothMaterials(16, 24, channels=32, shared=1, least=8)
+        )
+
+
+BOTH = pytest.mark.parametrize("kind", ["dcgan", "smooth"])
+
+
+@BOTH
+def test_they_obey_the_laws(kind: str) -> None:
+    check_generator(made(kind), low=-1, high=3)
+
+
+@BOTH
+def test_they_make_what_can_be_a_material(kind: str) -> None:
+    x = made(kind).sample(5, seed=1)
+    assert x.shape == (5, 8, 16, 16)
+    check_maps(x)
+    assert x[:, 7].min() > 0
+
+
+@BOTH
+def test_every_map_learns(kind: str) -> None:
+    """Each branch gets a gradient from its own map and none from another's; what they share gets one from each."""
+    generator = made(kind).train()
+    code = generator.draw(4, generator_at(2))
+    for name, place in MAPS.items():
+        generator.zero_grad()
+        generator(code)[:, place].square().sum().backward()
+        for other in MAPS:
+            moved = any(bool(p.grad is not None and p.grad.any()) for p in generator.branches[other].parameters())  # pyright: ignore
+            assert moved == (other == name)
+        shared = (generator.start, generator.common)  # pyright: ignore[reportAttributeAccessIssue]
+        assert all(bool(p.grad is not None and p.grad.any()) for part in shared for p in list(part.parameters())[:1])  # pyright: ignore
+
+
+def test_the_seeds_codes_are_uniform_and_its_branches_share_two_layers() -> None:
+    generator = DCGANMaterials(64, channels=32)
+    code = generator.draw(200, generator_at(0))
+    assert code.shape == (200, 512) and code.abs().max() <= 1 and code.std().item() == pytest.approx(3**-0.5, abs=0.01)
+    convolutions = [m for m in generator.common.modules() if isinstance(m, torch.nn.ConvTranspose2d)]
+    assert len(convolutions) == 1  # and the linear layer
+
+
+def test_noise_is_white_and_a_function_of_the_code() -> None:
+    code = torch.randn(3, 10, generator=generator_at(3))
+    noise = noise_of(code, 64)
+    assert torch.equal(noise, noise_of(code.clone(), 64))
+    flat = noise.flatten(1)
+    torch.testing.assert_close(flat.mean(1), torch.zeros(3), atol=0.06, rtol=0)
+    torch.testing.assert_close(flat.std(1), torch.ones(3), atol=0.05, rtol=0)
+    assert torch.corrcoef(flat).triu(1).abs().max() < 0.08
+    image = noise[0, 0]
+    assert abs((image[:, 1:] * image[:, :-1]).mean()) < 0.06 and abs((image[1:] * image[:-1]).mean()) < 0.06
