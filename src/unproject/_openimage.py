@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -56,7 +57,10 @@ def _decoded(name: str) -> None:
     from PIL import Image
 
     try:
-        with Image.open(name) as picture:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit is ours
+            opened = Image.open(name)
+        with opened as picture:
             if picture.width * picture.height > MOST_PIXELS:
                 raise Image.DecompressionBombError(f"{picture.width} × {picture.height} pixels are too many")
             picture.load()

@@ -35,6 +35,7 @@ def test_maps_are_written_as_each_format_of_materials(tmp_path, capsys, to):
     np.savez(tmp_path / "maps.npz", **maps, normal=normal)
     assert main(["export", str(tmp_path / "maps.npz"), "--to", to, "--out", str(tmp_path / "out")]) == 0
     assert capsys.readouterr().out.startswith("wrote ")
+    assert main(["export", str(tmp_path / "maps.npz"), "--to", to, "--hull", "--out", str(tmp_path / "no")]) == 2
     wanted = {"maps": "basecolor.png", "mtlx": "material.mtlx", "gltf": "*.glb"}[to]
     assert list((tmp_path / "out").rglob(wanted))
 

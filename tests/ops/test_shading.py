@@ -186,7 +186,7 @@ def test_nothing_is_ever_nan(gradient: str, native: bool) -> None:
 @pytest.mark.parametrize("gradient", ["exact", "fixed"])
 def test_the_kernel_is_the_reference(gradient: str, model: Reflection, points: str) -> None:
     x, toward = maps(3, 5).float(), camera(3, 5).float()  # 25 pixels: not a multiple of 8
-    if not can_shade(x, toward, model):
+    if not can_shade(x, toward, Ambient(), model):
         pytest.skip("no compiler")
     double = natural(3, 50.0)
     ready = prepare_environments(double.environments.table[..., :3].permute(0, 3, 1, 2).float())
@@ -203,6 +203,50 @@ def test_the_kernel_is_the_reference(gradient: str, model: Reflection, points: s
         for place in MAPS.values():
             # Half a texel more or less is another slope of the environment: a few samples differ by rounding.
             assert (da[:, place] - db[:, place]).norm() < 1e-2 * da[:, place].norm()
+
+
+@pytest.mark.parametrize("spoil", [(4, math.nan), (5, math.nan), (0, math.nan)])
+def test_what_has_broken_down_shows(spoil: tuple[int, float]) -> None:
+    """A NaN in a map is a NaN in its texel, by the kernel too, and nowhere else."""
+    x = maps(1, 4).float()
+    x[0, spoil[0], 1, 2] = spoil[1]
+    for look in (shade, shade_fast):
+        seen = look(x, camera(1, 4).float(), Ambient(), Reflection(), Sampling(8), torch.tensor([0.5]))
+        assert seen.isnan().any(1)[0].nonzero().tolist() == [[1, 2]]
+
+
+def test_a_light_that_is_turned_far_or_learned() -> None:
+    """The kernel stays inside its table, and leaves slopes of the light to the reference."""
+    x, toward = maps(1, 4).float(), camera(1, 4).float()
+    probe = torch.rand(1, 3, 15, 30, generator=generator_at(8)) + 0.1
+    for turn in (1e9, -1e20, math.nan):
+        light = Environment(prepare_environments(probe), torch.zeros(1, dtype=torch.long), torch.tensor([turn]))
+        shade_fast(x, toward, light, Reflection(), Sampling(8), torch.tensor([0.5]))
+    turn = torch.tensor([0.3], requires_grad=True)
+    light = Environment(prepare_environments(probe), torch.zeros(1, dtype=torch.long), turn)
+    (slope,) = torch.autograd.grad(
+        shade_fast(x, toward, light, Reflection(), Sampling(8), torch.tensor([0.5])).sum(), turn
+    )
+    assert slope.abs() > 0
+
+
+def test_more_than_everything_is_reflected_and_nothing_is_negative() -> None:
+    x = maps(2, 4).float()
+    x[:, 3] = 3
+    for look in (shade, shade_fast):
+        leaf = x.clone().requires_grad_()
+        seen = look(leaf, camera(2, 4).float(), Ambient(), Reflection("albedo"), Sampling(8), torch.tensor([0.5, 0.2]))
+        (slope,) = torch.autograd.grad(seen.sum(), leaf)
+        assert seen.min() >= 0 and slope.isfinite().all()
+
+
+def test_the_seeds_differences_survive_a_roughness_of_nothing() -> None:
+    x = maps(1, 4)
+    x[:, 4] = torch.tensor([0.0, 1e-12, 1e-3, 0.2])
+    x.requires_grad_()
+    seen = shade(x, camera(1, 4), Ambient(), Reflection(), Sampling(8, gradient="differences"), jitter(1))
+    (slope,) = torch.autograd.grad(seen.sum(), x)
+    assert slope.isfinite().all() and not slope[:, 4, :, :2].any()
 
 
 def test_noise_under_a_sun_is_a_third_of_uniform_sampling_at_most() -> None:
@@ -240,7 +284,17 @@ def test_memory_does_not_grow_with_the_samples(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize(
-    "options", [{"samples": 1}, {"light": 1.0}, {"light": -0.1}, {"points": "x"}, {"gradient": "x"}], ids=str
+    "options",
+    [
+        {"samples": 1},
+        {"samples": 2**40},
+        {"samples": 2.5},
+        {"light": 1.0},
+        {"light": -0.1},
+        {"points": "x"},
+        {"gradient": "x"},
+    ],
+    ids=str,
 )
 def test_sampling_that_cannot_be_is_refused(options: dict[str, object]) -> None:
     with pytest.raises(UserError, match="give"):

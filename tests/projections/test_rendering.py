@@ -134,6 +134,23 @@ def test_the_perspective_picture_is_foreshortened() -> None:
     assert everywhere.min() > 0.95
 
 
+def test_each_photograph_is_taken_alone() -> None:
+    """A grazing view beside a view from above changes neither, nor do bands of rows."""
+    look, x = linear("directional", space="image"), torch.rand(1, 8, 40, 40, generator=generator_at(4)) * 0.5 + 0.2
+    both = look(x.repeat(2, 1, 1, 1), view=torch.tensor([0.0, 1.4]), light=torch.zeros(2))
+    for k, view in enumerate((0.0, 1.4)):
+        alone = look(x, view=torch.tensor([view]), light=torch.zeros(1))
+        torch.testing.assert_close(both[k : k + 1], alone)
+
+
+def test_turns_without_number_are_turns() -> None:
+    look, x = Rendering(torch.rand(1, 3, 15, 30) + 0.1, sampling=Sampling(8)), paper(4)
+    pictures = [
+        look(x, view=angle(10), light=torch.tensor([t], dtype=torch.float64)) for t in (0.5, 0.5 + 2000 * math.pi)
+    ]
+    torch.testing.assert_close(*pictures, atol=1e-4, rtol=0)
+
+
 def test_the_same_jitter_is_the_same_picture() -> None:
     look, light = Rendering(torch.rand(1, 3, 8, 16) + 0.1, sampling=Sampling(8)), angle(10)
     x = torch.rand(1, 8, 4, 4) * 0.5 + 0.2
@@ -165,6 +182,10 @@ def test_an_observation_draws_what_its_light_takes() -> None:
         (lambda: Rendering(distance=0.1), "distance"),
         (lambda: Rendering(space="flat"), "space"),  # pyright: ignore[reportArgumentType]
         (lambda: Rendering()(paper(), view=torch.zeros(2)), "one view a material"),
+        (lambda: Rendering()(paper().repeat(2, 1, 1, 1), view=torch.zeros(2), jitter=torch.zeros(1)), "one jitter"),
+        (lambda: Rendering()(paper(), view=0.5), "one view a material"),  # pyright: ignore[reportArgumentType]
+        (lambda: Rendering(torch.ones(1, 3, 8, 16, dtype=torch.uint8)), "float tensor"),
+        (lambda: Rendering()(paper().byte(), view=torch.zeros(1)), "float tensors"),
         (lambda: Rendering()(torch.ones(1, 3, 4, 4), view=torch.zeros(1)), "maps"),
         (lambda: Rendering()(paper(), view=torch.zeros(1), light=torch.zeros(1)), "no light"),
         (lambda: up.Selection("colour"), "diffuse"),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from .._types import UserError
-from ._materials import read_maps
+from ._materials import Materials, read_maps
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -20,13 +20,14 @@ def run(
     *,
     out: Path,
     to: Literal["glb", "obj", "ply", "vox", "npz", "png", "gif", "maps", "mtlx", "gltf"] = "glb",
-    n: int = 16,
+    n: int | None = None,
     seed: int = 0,
     faces: int | None = None,
     hull: bool = False,
     depth: Literal["8", "16", "half", "float"] = "8",
     fresnel: Literal["eta", "albedo"] | None = None,
     eta: float = 1.5,
+    size: int | None = None,
     trust: bool = False,
 ) -> None:
     """Write new shapes of a run, or the shapes or materials that `unproject sample` wrote.
@@ -36,21 +37,30 @@ def run(
         out: The file (with the format's suffix: one scene of all shapes) or the folder to write.
         to: glb, obj and ply are meshes, vox voxels, npz arrays, png a contact sheet and gif a turntable. Of materials:
             maps are folders of PNG or EXR, mtlx the same with MaterialX, gltf a .glb of planes.
-        n: The number of shapes.
+        n: How many; of a run 16 unless given, of a file or a folder of materials all.
         seed: Which shapes: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
         hull: Fill what no level view can see.
         depth: Bits of the maps' PNG, or half or float EXR.
         fresnel: What the specular map means: see `unproject render --help`.
         eta: The index of refraction, for --fresnel eta.
+        size: Resample folders of textures to so many pixels a side.
         trust: Import the generator's code although it is not of this package.
     """
     from .. import export
+    from ..training.run_directory import naming
 
     if to in export.MATERIAL_FORMATS:
-        maps, meant = _materials(source, n, seed, trust)
+        if faces is not None or hull:
+            raise UserError(f"--to {to}: --faces and --hull are for shapes; leave them out")
+        if to == "gltf" and out.suffix not in ("", ".glb"):
+            raise UserError(f"--out {out}: give a name that ends in .glb, or a folder")
+        found = _materials(source, n, seed, trust, size)
         write = export.MATERIAL_FORMATS[to]
-        return _report(write(maps, out, depth=depth, fresnel=fresnel or meant, eta=eta))
+        with naming(out):
+            written = write(found.maps, out, depth=depth, fresnel=fresnel or found.fresnel, eta=eta)
+        _report(written)
+        return found.say_skipped()
     options = _options(to, faces)
     volumes = _volumes(source, n, seed, trust)
     _report(export.write(_hull(volumes) if hull else volumes, to, out, **options))
@@ -67,7 +77,7 @@ def _options(to: str, faces: int | None) -> dict[str, Any]:
     return options
 
 
-def _volumes(source: Path, n: int, seed: int, trust: bool) -> Any:
+def _volumes(source: Path, n: int | None, seed: int, trust: bool) -> Any:
     if source.suffix == ".npz":
         return _sampled_before(source)[: _some(n)]
     from ..training import load
@@ -75,23 +85,23 @@ def _volumes(source: Path, n: int, seed: int, trust: bool) -> Any:
     return load(source, trust).generator.sample(_some(n), seed=seed)
 
 
-def _materials(source: Path, n: int, seed: int, trust: bool) -> tuple[Any, Literal["eta", "albedo"]]:
-    """Maps, and how their specular albedo is meant: of a run, of an .npz, or of folders of textures."""
+def _materials(source: Path, n: int | None, seed: int, trust: bool, size: int | None) -> Materials:
+    """Maps of a run, of an .npz, or of folders of textures."""
     if not (source / "recipe.json").exists():
-        maps, meant = read_maps(source)
-        return maps[: _some(n)], meant
+        found = read_maps(source, size)
+        return found if n is None else found._replace(maps=found.maps[: _some(n)])
     from ..ops.maps import kind_of
 
     maps = _volumes(source, n, seed, trust)
     if kind_of(maps) != "maps":
         raise UserError(f"{source}: makes no materials; export shapes --to glb, obj, ply or vox, pictures --to png")
-    return maps, "albedo"
+    return Materials(maps, "albedo")
 
 
-def _some(n: int) -> int:
-    if n < 1:
+def _some(n: int | None) -> int:
+    if n is not None and n < 1:
         raise UserError(f"--n {n}: ask for at least one")
-    return n
+    return 16 if n is None else n
 
 
 def _hull(volumes: Any) -> Any:

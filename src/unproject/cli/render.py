@@ -63,18 +63,20 @@ def run(
 
     use_threads(threads)
     _check(out, strip)
-    material, meant = read_maps(maps, size)
-    theta, phi = _angles("--view", view, "80 or 80,-90", -90.0)
+    theta, phi = _angles("--view ", view, "80 or 80,-90", -90.0)
     if not abs(theta) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
     lighting, latents = _light(light)
-    reflection = Reflection(fresnel or meant, eta, shadowing)
-    look = Rendering(lighting, reflection, Sampling(samples), distance, space, repeat, out.suffix != ".npy")
+    reflection, sampling = Reflection(fresnel or "eta", eta, shadowing), Sampling(samples)  # mistakes come first
+    material = read_maps(maps, size)
+    reflection = Reflection(fresnel or material.fresnel, eta, shadowing)
+    look = Rendering(lighting, reflection, sampling, distance, space, repeat, out.suffix != ".npy")
     frames = [
-        _look(look, material, {"view": view_k, "view_azimuth": math.radians(phi), **latents_k}, seed)
+        _look(look, material.maps, {"view": view_k, "view_azimuth": math.radians(phi), **latents_k}, seed)
         for view_k, latents_k in _frames(math.radians(theta), latents, strip)
     ]
     _write(frames, out)
+    material.say_skipped()
 
 
 def _check(out: Path, strip: int | None) -> None:
@@ -93,7 +95,7 @@ def _angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, 
     except ValueError:
         theta = phi = math.nan
     if len(parts) > 2 or not math.isfinite(theta + phi):
-        raise UserError(f"{flag} {text}: give degrees, for example {example}")
+        raise UserError(f"{flag}{text}: give degrees, for example {example}")
     return theta, phi
 
 
@@ -103,7 +105,7 @@ def _light(text: str) -> tuple[str | Tensor, dict[str, float]]:
     if kind == "ambient" and not rest:
         return "ambient", {}
     if kind == "directional" and rest:
-        theta, phi = _angles("--light", rest, "directional:45,90", 0.0)
+        theta, phi = _angles("--light directional:", rest, "directional:45,90", 0.0)
         return "directional", {"light": math.radians(theta), "light_azimuth": math.radians(phi)}
     if kind == "env" and rest:
         return _environment(rest), {"light": 0.0, "probe": 0.0}

@@ -40,18 +40,21 @@ def prepare_environments(radiance: Tensor) -> Environments:
         UserError: for another shape, values that are not finite, negative ones, or a map without light.
     """
     if radiance.dim() != 4 or radiance.shape[1] != 3 or min(radiance.shape[2:]) < 2:
-        raise UserError(f"environments: give radiance (K, 3, H, W), not {tuple(radiance.shape)}")
+        raise UserError(
+            f"environments: give radiance (K, 3, H, W) of two rows and columns at least, not {tuple(radiance.shape)}"
+        )
     if not radiance.isfinite().all() or radiance.min() < 0:
         raise UserError("environments: radiance must be finite and not negative")
     cos, sin = _rows(radiance)
-    weight = radiance.mean(1) * (sin * cos.clamp(min=GRAZING))[:, None]
+    brightest = radiance.amax((1, 2, 3)).clamp(min=1e-45)[:, None, None]
+    weight = (radiance.double() / brightest[:, None].double()).mean(1) * (sin * cos.clamp(min=GRAZING))[:, None]
     total = weight.sum((1, 2), keepdim=True)
     if (total <= 0).any():
         raise UserError("environments: one of the maps is black; leave it out")
     share = weight / total
-    density = share * (weight[0].numel() / (2 * math.pi**2))
+    density = (share * (weight[0].numel() / (2 * math.pi**2))).to(radiance)
     table = torch.cat([radiance.permute(0, 2, 3, 1), density[..., None]], -1).contiguous()
-    return Environments(table, share.flatten(1).double().cumsum(1).to(radiance.dtype))
+    return Environments(table, share.flatten(1).cumsum(1).to(radiance.dtype))
 
 
 def _rows(radiance: Tensor) -> tuple[Tensor, Tensor]:
@@ -76,9 +79,9 @@ def exposure(radiance: Tensor) -> Tensor:
     """
     height, width = radiance.shape[2:]
     above = (height - 2 * torch.arange(height, dtype=torch.float64)).clamp(0, 2)[:, None] / 2  # an odd row counts half
-    weights = (solid_angles(height, width) * above).to(radiance)
-    total = (radiance.mean(1) * weights).sum((1, 2))
-    return torch.where(total > 0, 2 * math.pi / total.clamp(min=1e-30), torch.ones_like(total))
+    weights = (solid_angles(height, width) * above).to(radiance.device)
+    total = (radiance.double().mean(1) * weights).sum((1, 2))
+    return torch.where(total > 0, 2 * math.pi / total, torch.ones_like(total)).to(radiance)
 
 
 def look_up(environments: Environments, which: Tensor, turn: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:

@@ -95,7 +95,7 @@ class Reflection:
         if self.fresnel == "eta":
             return k_d
         _, f0, f90 = self.terms(k_s)
-        return k_d * (1 - schlick(cos_o.abs(), f0, f90))[..., None]
+        return k_d * (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)[..., None]
 
     def lobe(self, k_s: Tensor, m: Tensor, i: Tensor, o: Tensor) -> Tensor:
         """The specular part of f, times cosθi; 0 where either direction is below the surface."""

@@ -9,6 +9,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+BAND = 32  # rows of a photograph made at once
+
 
 def towards(theta: Tensor, phi: Tensor) -> Tensor:
     """(B, 3) unit vectors of polar angle θ from z and azimuth φ from x towards y."""
@@ -37,16 +39,27 @@ def photograph(picture: Tensor, theta: Tensor, phi: Tensor, distance: float, rep
     From straight above the plane fills the picture. Beside the material there is nothing, or with `repeat` the
     material again, up to the horizon. Rays are as dense as texels are in the steepest foreshortening, up to 8 × 8.
     """
+    seen = []
+    for one, t, p in zip(picture[:, None], theta[:, None], phi[:, None], strict=True):
+        fine = int((1 / t.detach().cos().abs().clamp(min=1 / 8)).ceil())
+        rays = texels(picture.shape[2] * fine, picture.shape[3] * fine, theta)[:2] / distance
+        # In bands of rows, so that a large picture does not take fine² times its memory.
+        bands = [_seen(one, t, p, distance, band, repeat, fine) for band in rays.split(BAND * fine, 1)]
+        seen.append(torch.cat(bands, 2))
+    return torch.cat(seen) if seen else picture
+
+
+def _seen(
+    picture: Tensor, theta: Tensor, phi: Tensor, distance: float, rays: Tensor, repeat: bool, fine: int
+) -> Tensor:
+    """(1, C, h, w): the part of the picture that these rays (2, h · fine, w · fine), tangents from the axis, see."""
     height, width = picture.shape[2:]
-    fine = int((1 / theta.cos().abs().clamp(min=1 / 8)).max().ceil())
-    down, across = height * fine, width * fine
-    rays = texels(down, across, theta)[:2, None] / distance  # tangents from the optical axis
-    right = torch.stack([-phi.sin(), phi.cos(), torch.zeros_like(phi)], -1)
-    back = towards(theta, phi)
+    right = torch.stack([-phi.sin(), phi.cos(), torch.zeros_like(phi)], -1)[:, None, None]
+    back = towards(theta, phi)[:, None, None]
     up = torch.linalg.cross(back, right)
-    direction = rays[0][..., None] * right[:, None, None] + rays[1][..., None] * up[:, None, None] - back[:, None, None]
-    reach = distance * back[:, 2, None, None] / (-direction[..., 2]).clamp(min=1e-6)
-    hit = distance * back[:, None, None] + reach[..., None] * direction
+    direction = rays[0, ..., None] * right + rays[1, ..., None] * up - back
+    reach = distance * back[..., 2] / (-direction[..., 2]).clamp(min=1e-6)
+    hit = distance * back + reach[..., None] * direction
     x, y = hit[..., 0], hit[..., 1] * (width / height)
     seen = (direction[..., 2] < -1e-6) & (repeat | ((x.abs() <= 0.5) & (y.abs() <= 0.5)))
     if repeat:

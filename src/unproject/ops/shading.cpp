@@ -24,7 +24,7 @@ constexpr float TINY = 1e-6f, LEAST = 1e-12f, LEAST_ROUGHNESS = 1e-3f, BRIGHT = 
 template <class T>
 struct Pixel {
     T frame[3][3], o[3], m, inverse_m2, seen, base;  // seen: G1(ωo) / cosθo
-    V k_d[3], k_s, f0, f90, diffuse, length, base_by_k_s, f90_by_k_s;
+    V k_d[3], k_s, f0, f90, diffuse, length, base_by_k_s, f90_by_k_s, spoilt;
 };
 
 template <class T>
@@ -94,10 +94,13 @@ Pixel<T> make_pixel(const Job& job, int64_t batch, const int64_t* index) {
     p.k_s = load(maps + 3 * job.pixels, index);
     p.length = root(larger(dot(n, n), LEAST));
     for (int c = 0; c < 3; ++c) n[c] = n[c] / p.length;
-    Normal<T>::make(n, load(maps + 4 * job.pixels, index), p);
+    const V m = load(maps + 4 * job.pixels, index);
+    Normal<T>::make(n, m, p);
     T toward[3];
     for (int c = 0; c < 3; ++c) toward[c] = from<T>(load(camera + c * job.pixels, index));
     for (int c = 0; c < 3; ++c) p.o[c] = dot(p.frame[c], toward);
+    // 0, or what is not a number: clamps hide it, and a training that has broken down must show.
+    p.spoilt = 0.f * (m + n[0] + n[1] + n[2] + value(p.o[2]));
     p.inverse_m2 = over(p.m * p.m);
     p.seen = smith_over_cos(p.o[2], p.m);
     p.diffuse = select(value(p.o[2]) > TINY, load(job.diffuse + batch * job.pixels, index), set(float(job.lobes)));
@@ -109,7 +112,8 @@ Pixel<T> make_pixel(const Job& job, int64_t batch, const int64_t* index) {
         p.f90_by_k_s = select(p.k_s <= BRIGHT, set(1 / BRIGHT), set(0));
         T x = fifth(select(value(p.o[2]) < 0, -p.o[2], p.o[2]));
         p.base = 1.f - (from<T>(p.f0) + x * (p.f90 - p.f0));
-        p.base_by_k_s = -(1.f + value(x) * (p.f90_by_k_s - 1.f));
+        p.base_by_k_s = select(value(p.base) >= 0, -(1.f + value(x) * (p.f90_by_k_s - 1.f)), set(0));
+        p.base = select(value(p.base) >= 0, p.base, from<T>(set(0)));
     }
     return p;
 }
@@ -126,7 +130,8 @@ struct Seen {
         left = left - width * whole(left / width);
         const float* table = job.table + which * job.rows * job.columns * 4;
         for (int k = 0; k < LANES; ++k) {
-            int64_t i = std::min(int64_t(left[k]), job.columns - 1), right = i + 1 == job.columns ? 0 : i + 1;
+            const float at = left[k];  // a direction that is not a number is looked up somewhere, not anywhere
+            int64_t i = at > 0 ? std::min(int64_t(at), job.columns - 1) : 0, right = i + 1 == job.columns ? 0 : i + 1;
             const float* line = table + int64_t(upper[k]) * job.columns * 4;
             const float *a = line + i * 4, *b = line + right * 4, *c = a + job.columns * 4, *d = b + job.columns * 4;
             for (int j = 0; j < 4; ++j) {
@@ -319,7 +324,7 @@ void run(const Job& job, int64_t batch, int64_t first) {
     const Pixel<V> plain = make_pixel<V>(job, batch, index);
     if constexpr (!back) {
         integrate(job, batch, index, plain, plain, sums);
-        for (int c = 0; c < 3; ++c) store(job.out + (batch * 3 + c) * job.pixels, index, count, sums.radiance[c]);
+        for (int c = 0; c < 3; ++c) store(job.out + (batch * 3 + c) * job.pixels, index, count, sums.radiance[c] + plain.spoilt);
     } else {
         const Pixel<Dual> p = make_pixel<Dual>(job, batch, index);
         for (int c = 0; c < 3; ++c) sums.g[c] = load(job.gradient + (batch * 3 + c) * job.pixels, index);
@@ -332,7 +337,7 @@ void run(const Job& job, int64_t batch, int64_t first) {
             store(out + (5 + c) * job.pixels, index, count, along);
         }
         store(out + 3 * job.pixels, index, count, sums.by_k_s);
-        store(out + 4 * job.pixels, index, count, sums.slopes[0]);
+        store(out + 4 * job.pixels, index, count, sums.slopes[0] + plain.spoilt);
     }
 }
 

@@ -19,6 +19,7 @@ from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 from torch.utils.checkpoint import checkpoint
 
 from .._types import UserError
@@ -29,6 +30,7 @@ from .microfacet import TINY, Reflection, cosine_density, lobe_density, reflect,
 
 POOL, STRATUM = 2**12, 64  # light samples made ready, and the most for each one that a pixel takes
 CHUNK = 2**18  # samples worked on at a time
+MOST = 2**20
 LEAST = 1e-12
 LEAST_ROUGHNESS = 1e-3
 DELTA = 1e-3  # the seed's steps, of roughness and of the normal's angles
@@ -76,8 +78,8 @@ class Sampling:
     gradient: Literal["exact", "fixed", "differences"] = "exact"
 
     def __post_init__(self) -> None:
-        if self.samples < 2:
-            raise UserError(f"{self.samples} samples a pixel: give at least 2, 16 or more to see anything")
+        if not isinstance(self.samples, int) or not 2 <= self.samples <= MOST:
+            raise UserError(f"{self.samples} samples a pixel: give from 2 to {MOST}, 16 or more to see anything")
         if not 0 <= self.light < 1:
             raise UserError(f"light {self.light:g}: give the share of samples drawn from the light, from 0 to below 1")
         if self.points not in ("low-discrepancy", "independent"):
@@ -273,6 +275,7 @@ class _Differences(torch.autograd.Function):
         return estimate(maps)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
         (maps,) = ctx.saved_tensors
         estimate = ctx.estimate
@@ -286,9 +289,10 @@ class _Differences(torch.autograd.Function):
             return ((estimate(up) - estimate(down)) * gradient).sum(1, keepdim=True)
 
         above, below = maps.clone(), maps.clone()
-        above[:, 4:5] += DELTA
+        above[:, 4:5] = above[:, 4:5].clamp(min=LEAST_ROUGHNESS) + DELTA
         below[:, 4:5] = (below[:, 4:5] - DELTA).clamp(min=LEAST_ROUGHNESS)
-        result[:, 4:5] = along(above, below) / (above[:, 4:5] - below[:, 4:5])
+        slope = along(above, below) / (above[:, 4:5] - below[:, 4:5])
+        result[:, 4:5] = torch.where(maps[:, 4:5] >= LEAST_ROUGHNESS, slope, 0)
         normal = maps[:, 5:] / maps[:, 5:].norm(dim=1, keepdim=True)
         theta, phi = normal[:, 2:].clamp(-1, 1).acos(), torch.atan2(normal[:, 1:2], normal[:, :1])
         for d_theta, d_phi in ((DELTA, 0.0), (0.0, DELTA)):

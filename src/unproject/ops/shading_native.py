@@ -6,12 +6,14 @@ Nothing is stored of the samples: the gradient computes them again. Pixels are s
 from __future__ import annotations
 
 import ctypes
+import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from ._native import kernel, pointer
 from .low_discrepancy import STEPS
@@ -42,16 +44,19 @@ def shade_fast(
     if (
         isinstance(light, Directional)
         or sampling.gradient == "differences"
-        or not can_shade(maps, to_camera, reflection)
+        or not can_shade(maps, to_camera, light, reflection)
     ):
         return shade(maps, to_camera, light, reflection, sampling, jitter)
     plan = plan_samples(light, sampling, jitter, maps)
     return shade_native(maps, to_camera, light, reflection, plan, sampling.gradient == "fixed")
 
 
-def can_shade(maps: Tensor, camera: Tensor, reflection: Reflection) -> bool:
-    """Whether the kernel is there and does this: float32 on a processor, Smith's shadowing, no slope of the camera."""
-    fits = maps.dtype == torch.float32 and maps.device.type == "cpu" and not camera.requires_grad
+def can_shade(maps: Tensor, camera: Tensor, light: Light, reflection: Reflection) -> bool:
+    """Whether the kernel is there and does this: float32 on a processor, Smith's shadowing, slopes of maps alone."""
+    still = not camera.requires_grad
+    if isinstance(light, Environment):
+        still = still and not (light.turn.requires_grad or light.environments.table.requires_grad)
+    fits = maps.dtype == torch.float32 and maps.device.type == "cpu" and still
     return fits and reflection.shadowing == "smith" and kernel("shading", "shade") is not None
 
 
@@ -70,6 +75,7 @@ class _Shade(torch.autograd.Function):
         return _run(maps, camera, *rest)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         return _run(*ctx.saved_tensors, *ctx.rest, gradient=gradient), None, None, None, None, None
 
@@ -85,6 +91,10 @@ def _run(
 ) -> Tensor:
     batch, _, height, width = maps.shape
     natural = isinstance(light, Environment)
+    assert camera.shape == (batch, 3, height, width) and len(plan.seed) == len(plan.pool) == batch
+    if natural:  # the kernel does not look where it reads
+        assert light.turn.shape == light.which.shape == (batch,)
+        assert bool(((light.which >= 0) & (light.which < len(light.environments.table))).all())
     nothing = maps.new_zeros(1)
     sample = torch.arange(plan.lobes, dtype=torch.float64)
     out = maps.new_empty(batch, 3 if gradient is None else 8, height, width)
@@ -128,3 +138,7 @@ def _share_out(job: Job, blocks: int) -> None:
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="shading")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child has none of its parent's threads

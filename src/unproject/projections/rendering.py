@@ -68,6 +68,8 @@ class Rendering(Projection):
                 raise UserError(
                     f"Rendering(lighting={self.lighting!r}): give 'ambient', 'directional' or environments (K, 3, H, W)"
                 )
+        elif not isinstance(self.lighting, Tensor) or not self.lighting.is_floating_point():
+            raise UserError("Rendering: environments are a float tensor (K, 3, H, W), linear radiance")
         else:
             lit = self.lighting
             if self.developed and lit.dim() == 4:
@@ -100,18 +102,21 @@ class Rendering(Projection):
         jitter: Tensor | None = None,
     ) -> Tensor:
         x = as_maps(x)
-        if x.dim() != 4 or x.shape[1] != CHANNELS or view.shape != x.shape[:1]:
-            raise UserError(
-                f"Rendering: give maps (B, {CHANNELS}, H, W) and one view a material, not {tuple(x.shape)} and "
-                f"{tuple(view.shape)}"
-            )
+        if x.dim() != 4 or x.shape[1] != CHANNELS:
+            raise UserError(f"Rendering: give maps (B, {CHANNELS}, H, W), not {tuple(x.shape)}")
         given = {"light": light, "light_azimuth": light_azimuth, "probe": probe, "jitter": jitter}
+        for name, value in {"view": view, "view_azimuth": view_azimuth, **given}.items():
+            if value is not None and (not isinstance(value, Tensor) or value.shape != x.shape[:1]):
+                shape = tuple(value.shape) if isinstance(value, Tensor) else value
+                raise UserError(f"Rendering: give one {name} a material, a tensor ({len(x)},), not {shape}")
         wrong = [name for name, value in given.items() if value is not None and name not in self.latents]
         if wrong:
             raise UserError(f"Rendering: this light takes no {wrong[0]}; its latents are {', '.join(self.latents)}")
         with torch.autocast(x.device.type, enabled=False):
             x = x if x.dtype == torch.float64 else x.float()
             nothing = x.new_zeros(len(x))
+            if light is not None:  # many turns would cost it its digits
+                light = light - 2 * math.pi * (light.detach() / (2 * math.pi)).round()
             rest = [nothing if value is None else value.to(x) for value in (light, light_azimuth, probe, jitter)]
             azimuth = torch.full_like(nothing, FRONT) if view_azimuth is None else view_azimuth.to(x)
             return self._look(x, view.to(x), azimuth, *rest)

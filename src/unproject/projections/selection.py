@@ -41,4 +41,7 @@ def selections() -> tuple[Observation, ...]:
 
 def as_maps(x: Tensor | Mapping[str, Tensor]) -> Tensor:
     """Maps as a tensor (B, 8, H, W), or by name as `unproject sample` writes them."""
+    parts = [*x.values()] if isinstance(x, Mapping) else [x]
+    if not all(isinstance(part, Tensor) and part.is_floating_point() for part in parts):
+        raise UserError("maps: give float tensors of linear values; eight-bit pictures are decoded first")
     return pack_maps(x) if isinstance(x, Mapping) else x

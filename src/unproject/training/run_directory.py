@@ -82,7 +82,7 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is None or ".tmp." in str(error.filename):
+        if error.filename is None or ".tmp" in str(error.filename):
             error.filename = str(path)
         raise
 
