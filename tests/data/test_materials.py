@@ -11,10 +11,10 @@ from unproject.data.correlated import FIELDS, octave_correlations
 from unproject.data.materials import BLOCK, METAL, PLASTIC, WOOD
 from unproject.data.metal import METALS, STRUCTURES
 from unproject.data.noise import Chances, draw
-from unproject.data.patterns import cells, luminance, normals, scratches, texels
+from unproject.data.patterns import cells, normals, scratches, texels
 from unproject.data.plastic import MOULDS
 from unproject.data.wood import SPECIES, wood_gloss
-from unproject.ops.maps import MAPS, check_maps
+from unproject.ops.maps import MAPS, check_maps, luminance
 
 WORLDS = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
 MANY = 160

@@ -13,7 +13,8 @@ from torch import Tensor
 from unproject._openimage import write_picture
 from unproject._types import UserError
 from unproject.data import probe_records, procedural_probes, read_probe, read_probes, resample_probe
-from unproject.data.probes import directions, solid_angles
+from unproject.data.probes import directions
+from unproject.ops.environment import solid_angles
 
 MEASURED = Path(__file__).parents[3] / "shared" / "data" / "hdr" / "probes45_128x64.npz"
 GRADED = np.random.default_rng(0).gamma(0.3, 3.0, (16, 32, 3)).astype(np.float32)

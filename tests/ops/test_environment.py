@@ -83,7 +83,7 @@ def test_exposure_makes_any_light_as_strong_as_ambient() -> None:
     torch.testing.assert_close(above, torch.full((3,), 2 * math.pi, dtype=torch.float64))
     assert exposure(torch.ones(1, 3, 6, 12)).item() == pytest.approx(1)
     assert exposure(torch.ones(1, 3, 5, 10)).item() == pytest.approx(1)
-    assert solid_angles(7, 14).sum().item() * 14 == pytest.approx(4 * math.pi)
+    assert solid_angles(7, 14).sum().item() == pytest.approx(4 * math.pi)
 
 
 def test_slopes_are_finite_at_the_poles() -> None:

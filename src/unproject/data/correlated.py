@@ -33,11 +33,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.maps import pack_maps, unpack_maps
+from ..ops.maps import luminance, pack_maps, unpack_maps
 from .chairs import Span
 from .material_sets import linear_from_srgb
 from .noise import FINEST, Chances, Draws
-from .patterns import luminance
 
 FIELDS = ("diffuse", "normal", "specular", "roughness")
 SPREAD = {"diffuse": 0.055, "normal": 0.0045, "specular": 0.030, "roughness": 0.042}

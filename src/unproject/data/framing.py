@@ -26,6 +26,7 @@ import numpy as np
 import torch
 from scipy.ndimage import binary_erosion
 from torch import Tensor
+from torch.nn import functional
 
 from .._types import UserError
 
@@ -177,6 +178,17 @@ def area_resample(image: np.ndarray, window: Window, size: int) -> np.ndarray:
     down = overlap(image.shape[0], top, top + side, size)
     across = overlap(image.shape[1], left, left + side, size)
     return np.clip(down @ image.astype(np.float32) @ across.T, 0, 1)
+
+
+def centred_square(images: Tensor, size: int) -> Tensor:
+    """(N, C, size, size) of the largest centred square of images (N, C, H, W): area averages, bilinear to grow."""
+    side = min(images.shape[-2:])
+    top, left = ((length - side) // 2 for length in images.shape[-2:])
+    images = images[..., top : top + side, left : left + side]
+    if size > side:
+        return functional.interpolate(images, size=(size, size), mode="bilinear", align_corners=False)
+    weights = torch.from_numpy(overlap(side, 0, side, size)).to(images)
+    return torch.einsum("ih,nchw,jw->ncij", weights, images, weights)
 
 
 def overlap(count: int, low: float, high: float, size: int) -> np.ndarray:

@@ -29,14 +29,13 @@ from torch import Tensor
 
 from .._openimage import Picture, read_picture
 from .._types import UserError
-from ..ops.maps import MAPS, check_maps, pack_maps
+from ..ops.maps import MAPS, check_maps, luminance, pack_maps
 from .arrays import load_arrays
 from .collection import check_size
-from .framing import overlap
+from .framing import centred_square
 from .records import Records
 from .texture_names import Textures, find_textures, holds_material, picture_names
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)
 DIELECTRIC, SPECULAR = 0.04, 0.08
 SMOOTHEST = 1e-3
 SLOPE = 0.25  # RMS slope given to a height map, whose unit no file says
@@ -237,7 +236,7 @@ def _maps(textures: Textures, pictures: Mapping[str, Picture], convention: Conve
     rough = grey["roughness"] ** 2 if convention.roughness == "perceptual" else grey["roughness"]
     maps = {
         "diffuse": colour * (1 - metallic),
-        "specular": (f0 * torch.tensor(LUMINANCE)[:, None, None]).sum(0, keepdim=True),
+        "specular": luminance(f0),
         "roughness": rough.clamp(min=SMOOTHEST),
         "normal": _normal(textures, pictures, flat),
     }
@@ -328,13 +327,6 @@ def _resized(maps: Tensor, size: int | None) -> Tensor:
     """(B, 8, size, size) of the largest centred square: area averages, bilinear where it grows; normals stay unit."""
     if size is None or maps.shape[-2:] == (size, size):
         return maps
-    side = min(maps.shape[-2:])
-    top, left = ((length - side) // 2 for length in maps.shape[-2:])
-    maps = maps[..., top : top + side, left : left + side]
-    if size > side:
-        maps = F.interpolate(maps, size=(size, size), mode="bilinear", align_corners=False)
-    else:
-        weights = torch.from_numpy(overlap(side, 0, side, size))
-        maps = torch.einsum("ih,bchw,jw->bcij", weights, maps, weights)
+    maps = centred_square(maps, size)
     place = MAPS["normal"]
     return torch.cat([maps[:, : place.start], F.normalize(maps[:, place], dim=1)], 1)

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..ops.maps import pack_maps
+from ..ops.maps import luminance, pack_maps
 from .chairs import Span
 from .noise import Chances, Draws, by_kind, standardised
-from .patterns import cells, colours, covered, luminance, normals, scratches, smooth, texels, wrapped
+from .patterns import cells, colours, covered, normals, scratches, smooth, texels, wrapped
 
 
 class Metal(NamedTuple):

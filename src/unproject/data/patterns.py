@@ -14,7 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from .material_sets import LUMINANCE, linear_from_srgb
+from .material_sets import linear_from_srgb
 
 
 def texels(size: int) -> tuple[Tensor, Tensor]:
@@ -83,11 +83,6 @@ def normals(height: Tensor) -> Tensor:
     h_x = (height.roll(-1, 2) - height.roll(1, 2)) * (size / 2)
     h_y = (height.roll(1, 1) - height.roll(-1, 1)) * (size / 2)
     return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
-
-
-def luminance(colour: Tensor) -> Tensor:
-    """(B, 1, H, W) of linear colours (B, 3, H, W)."""
-    return (colour * colour.new_tensor(LUMINANCE)[:, None, None]).sum(1, keepdim=True)
 
 
 def colours(srgb: Sequence[tuple[float, float, float]], which: Tensor) -> Tensor:

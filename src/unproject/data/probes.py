@@ -217,11 +217,6 @@ def azimuth_edges(width: int) -> Tensor:
     return torch.linspace(0, 2 * math.pi, width + 1, dtype=torch.float64)
 
 
-def solid_angles(height: int, width: int) -> Tensor:
-    """(height, width) solid angle of each texel, float64; they add up to 4π."""
-    return polar_edges(height).diff()[:, None] * azimuth_edges(width).diff()
-
-
 def directions(height: int, width: int) -> Tensor:
     """(3, height, width) unit vectors towards the texels' centres, (sin θ cos φ, sin θ sin φ, cos θ), float64."""
     theta = (torch.arange(height, dtype=torch.float64)[:, None] + 0.5) * (math.pi / height)

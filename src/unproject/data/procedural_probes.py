@@ -22,7 +22,8 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from .probes import directions, resample_probe, solid_angles
+from ..ops.environment import solid_angles
+from .probes import directions, resample_probe
 
 FINEST = 256  # rows at least on which the formulas are evaluated
 Colour = tuple[float, float, float]

@@ -17,7 +17,7 @@ from .._openimage import read_picture
 from .._types import UserError
 from ..ops.maps import MAPS
 from .folder import SUFFIXES
-from .framing import overlap
+from .framing import centred_square
 from .material_sets import linear_from_srgb
 from .records import Records
 
@@ -71,7 +71,7 @@ def _sighting(file: Path, name: str, size: int) -> Tensor:
     if name == "diffuse" and "int" in stored:
         values = linear_from_srgb(values)
     wanted = MAPS[name].stop - MAPS[name].start if name in MAPS else 3
-    values = _square(values, size)
+    values = centred_square(values[None], size)[0]
     values = values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)
     if name == "roughness":
         values = (values**2).clamp(min=SMOOTHEST)
@@ -82,13 +82,3 @@ def _sighting(file: Path, name: str, size: int) -> Tensor:
         normal[2].clamp_(min=0.05)
         values = F.normalize(normal, dim=0)
     return values.float()
-
-
-def _square(values: Tensor, size: int) -> Tensor:
-    side = min(values.shape[1:])
-    top, left = ((length - side) // 2 for length in values.shape[1:])
-    values = values[:, top : top + side, left : left + side]
-    if size > side:
-        return F.interpolate(values[None], size=(size, size), mode="bilinear", align_corners=False)[0]
-    weights = torch.from_numpy(overlap(side, 0, side, size)).to(values)
-    return torch.einsum("ih,chw,jw->cij", weights, values, weights)

@@ -24,10 +24,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..ops.maps import pack_maps
+from ..ops.maps import luminance, pack_maps
 from .chairs import Span
 from .noise import Chances, Draws
-from .patterns import colours, covered, luminance, normals, smooth, texels, wrapped
+from .patterns import colours, covered, normals, smooth, texels, wrapped
 
 
 class Species(NamedTuple):

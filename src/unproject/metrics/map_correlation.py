@@ -38,7 +38,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.maps import MAPS, unpack_maps
+from ..ops.maps import MAPS, luminance, unpack_maps
 from .distances import check_set
 from .patches import check_pair, chunks, laplacian_pyramid
 
@@ -47,7 +47,6 @@ PAIRS = tuple(combinations(FIELDS, 2))
 SMALLEST = 8
 LEAST_Z = 0.1
 FLAT = 1e-5
-LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 @dataclass(frozen=True)
@@ -142,8 +141,7 @@ def _bands(maps: Tensor) -> dict[str, Tensor]:
 def _albedos(maps: Tensor) -> Tensor:
     """(n, 3, H, W): luminance, specular, roughness."""
     found = unpack_maps(maps)
-    luminance = (found["diffuse"] * found["diffuse"].new_tensor(LUMINANCE)[:, None, None]).sum(1, keepdim=True)
-    return torch.cat([luminance, found["specular"], found["roughness"]], 1)
+    return torch.cat([luminance(found["diffuse"]), found["specular"], found["roughness"]], 1)
 
 
 def _slopes(normal: Tensor) -> Tensor:

@@ -66,9 +66,9 @@ def _rows(radiance: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def solid_angles(height: int, width: int) -> Tensor:
-    """(H, 1): of one texel of each row; all W of all rows sum to 4π."""
+    """(H, W) of the texels, float64; they add up to 4π."""
     edges = torch.cos(torch.arange(height + 1, dtype=torch.float64) * (math.pi / height))
-    return ((edges[:-1] - edges[1:]) * (2 * math.pi / width))[:, None]
+    return ((edges[:-1] - edges[1:]) * (2 * math.pi / width))[:, None].expand(height, width)
 
 
 def exposure(radiance: Tensor) -> Tensor:

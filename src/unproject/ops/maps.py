@@ -16,6 +16,9 @@ from .._types import UserError
 
 MAPS = {"diffuse": slice(0, 3), "specular": slice(3, 4), "roughness": slice(4, 5), "normal": slice(5, 8)}
 CHANNELS = 8
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Of linear red, green and blue: ITU-R BT.709."""
+
 UNIT = 0.02  # how far from 1 the length of a normal may be: what 8 bits a component leave
 
 
@@ -25,6 +28,11 @@ def kind_of(things: Tensor) -> Literal["image", "maps", "volume"]:
         return "image"
     # A volume eight voxels wide is a cube; maps of 8 × 8 pixels nobody makes.
     return "maps" if things.shape[1] == CHANNELS and things.shape[1:] != (CHANNELS,) * 3 else "volume"
+
+
+def luminance(colour: Tensor) -> Tensor:
+    """(..., 1, H, W) of linear colours (..., 3, H, W)."""
+    return (colour * colour.new_tensor(LUMINANCE)[:, None, None]).sum(-3, keepdim=True)
 
 
 def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:
