@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from unproject._random import generator_at, seeded
-from unproject.networks import DCGANMaterials, Generator, SmoothMaterials
+from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
 from unproject.networks.materials import noise_of
 from unproject.ops.maps import MAPS, check_maps
 from unproject.testing import check_generator
@@ -17,11 +17,11 @@ def made(kind: str) -> Generator:
         return (
             DCGANMaterials(16, channels=32, code_size=24)
             if kind == "dcgan"
-            else SmoothMaterials(16, 24, channels=32, shared=1, least=8)
+            else StationaryMaterials(32, 24, places=3, channels=32, shared=1, least=8)
         )
 
 
-BOTH = pytest.mark.parametrize("kind", ["dcgan", "smooth"])
+BOTH = pytest.mark.parametrize("kind", ["dcgan", "stationary"])
 
 
 @BOTH
@@ -32,7 +32,7 @@ def test_they_obey_the_laws(kind: str) -> None:
 @BOTH
 def test_they_make_what_can_be_a_material(kind: str) -> None:
     x = made(kind).sample(5, seed=1)
-    assert x.shape == (5, 8, 16, 16)
+    assert x.shape == (5, 8, *[16 if kind == "dcgan" else 32] * 2)
     check_maps(x)
     assert x[:, 7].min() > 0
 
@@ -70,3 +70,30 @@ def test_noise_is_white_and_a_function_of_the_code() -> None:
     assert torch.corrcoef(flat).triu(1).abs().max() < 0.08
     image = noise[0, 0]
     assert abs((image[:, 1:] * image[:, :-1]).mean()) < 0.06 and abs((image[1:] * image[:-1]).mean()) < 0.06
+
+
+def test_a_stationary_generator_has_no_origin() -> None:
+    """Its map of places shifted by one: the same material shifted by a quarter, if no level adds noise."""
+    generator = made("stationary").eval()
+    for name, value in generator.named_parameters():
+        if name.endswith("strength"):
+            value.data.zero_()
+    code = generator.draw(2, generator_at(4))
+    places = code[:, generator.vector :].view(2, -1, 4, 4)  # pyright: ignore
+    shifted = torch.cat([code[:, : generator.vector], places.roll((1, 2), (2, 3)).flatten(1)], 1)  # pyright: ignore
+    with torch.no_grad():
+        torch.testing.assert_close(generator(shifted), generator(code).roll((8, 16), (2, 3)), atol=1e-5, rtol=0)
+        assert (generator(shifted) - generator(code)).abs().max() > 1e-3
+
+
+def test_a_stationary_generator_starts_as_a_flat_dielectric() -> None:
+    with seeded(0):
+        x = StationaryMaterials(64).sample(8, seed=0)
+    mean = x.mean((0, 2, 3))
+    torch.testing.assert_close(mean[:5], torch.tensor([0.31, 0.31, 0.31, 0.05, 0.31]), atol=0.1, rtol=0)
+    assert mean[7] > 0.9
+
+
+@pytest.mark.parametrize("size", [8, 16, 256])
+def test_a_stationary_generator_of_any_size(size: int) -> None:
+    check_maps(StationaryMaterials(size, channels=16, least=8).sample(1, batch=1))

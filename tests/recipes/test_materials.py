@@ -23,7 +23,7 @@ TOY = {"size": 16, "steps": 2, "batch": 4, "channels": 16, "judge": 4}
 
 
 def test_each_observation_has_materials_of_its_own_and_a_discriminator_of_its_own() -> None:
-    recipe = materials(wood, maps=6, renderings=5, **TOY)
+    recipe = materials(wood, looks=(*MAPS, "top", "grazing"), maps=6, renderings=5, **TOY)
     found = {look.name: (look, collection) for look, collection in recipe.looks}
     assert list(found) == [*MAPS, "top", "grazing"]
     assert [len(collection) for _, collection in found.values()] == [6, 6, 6, 6, 5, 5]
@@ -83,10 +83,15 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         for k in range(count):
             Image.fromarray(rng.integers(0, 255, (20, 24, 3), dtype=np.uint8)).save(tmp_path / name / f"{k}.png")
-    recipe = wood_materials(data=tmp_path, looks=("diffuse", "top", "grazing"), **TOY)
-    assert [len(collection) for _, collection in recipe.looks] == [3, 5, 4]
+    recipe = wood_materials(data=tmp_path, **TOY)
+    assert [(look.name, len(collection)) for look, collection in recipe.looks] == [
+        ("diffuse", 3),
+        ("top", 5),
+        ("grazing", 4),
+    ]
+    assert [look.name for look, _ in wood_materials(data=tmp_path, looks=("top",), **TOY).looks] == ["top"]
     with pytest.raises(UserError, match="out of --looks"):
-        wood_materials(data=tmp_path, **TOY)
+        wood_materials(data=tmp_path, looks=("normal", "top"), **TOY)
 
 
 def test_patches_of_a_few_large_materials(tmp_path: Path) -> None:

@@ -3,7 +3,8 @@
 from .dcgan import DCGANDiscriminator
 from .discriminators import Discriminator, LineDiscriminator
 from .generators import Generator, ImageGenerator, LowRankGenerator, VoxelGenerator
-from .materials import DCGANMaterials, SmoothMaterials
+from .materials import DCGANMaterials, StationaryMaterials
+from .textures import TextureDiscriminator
 from .view_predictor import ViewPredictor
 
 __all__ = [
@@ -14,7 +15,8 @@ __all__ = [
     "ImageGenerator",
     "LineDiscriminator",
     "LowRankGenerator",
-    "SmoothMaterials",
+    "StationaryMaterials",
+    "TextureDiscriminator",
     "ViewPredictor",
     "VoxelGenerator",
 ]

@@ -75,6 +75,28 @@ class ModulatedNorm(nn.Module):
         return self.norm(x) * (1 + scale) + shift
 
 
+class ModulatedScale(nn.Module):
+    """x over its root mean square, scaled and shifted by a vector h: (1 + A h) x / rms(x) + B h, channel by channel.
+
+    The root mean square is one item's, over all its channels and places: no item depends on its batch, and contrasts of
+    channels and of places with one another stay.
+
+    References:
+        Zhang & Sennrich 2019, Root mean square layer normalization.
+    """
+
+    def __init__(self, inputs: int, channels: int) -> None:
+        super().__init__()
+        self.modulation = nn.Linear(inputs, 2 * channels)
+        nn.init.normal_(self.modulation.weight, std=0.3 * inputs**-0.5)
+        nn.init.zeros_(self.modulation.bias)
+
+    def forward(self, x: Tensor, hidden: Tensor) -> Tensor:
+        scale, shift = self.modulation(hidden).view(len(x), -1, *[1] * (x.dim() - 2)).chunk(2, 1)
+        size = (x.square().mean(tuple(range(1, x.dim())), keepdim=True) + 1e-6).rsqrt()
+        return x * (size * (1 + scale)) + shift
+
+
 class HeadConv(nn.Module):
     """A stride-2 convolution, 4 wide, with weights of its own for every head: sample b passes through head[b] alone.
 

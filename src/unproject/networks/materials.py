@@ -13,26 +13,35 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from ..ops.maps import MAPS, pack_maps
-from .blocks import ModulatedNorm, upsampling_levels
+from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
 
 SCALED = ("diffuse", "specular", "roughness")
 LEAST_Z = 0.05
 LEAST_ROUGHNESS = 5e-3
+START = 4  # places a side
+FIRST = {"diffuse": (-0.8,) * 3, "specular": (-3.0,), "roughness": (-0.8,), "normal": (0.0, 0.0, 3.0)}
+"""Where modern training starts: a flat dielectric, k_d and m = 0.31, k_s = 0.05."""
 
 
 class MaterialGenerator(Generator):
-    """What both have in common: maps from four branches' outputs and three scale factors."""
+    """What both have in common: maps from four branches' outputs and three scale factors.
 
-    def __init__(self, code_size: int, truncation: float | None = None) -> None:
-        super().__init__(code_size, truncation)
-        self.scales = nn.Linear(code_size, len(SCALED))
-        nn.init.normal_(self.scales.weight, std=0.1 * code_size**-0.5)
+    Args:
+        code_size: length of a code.
+        vector: how many of its entries, the first ones, the scale factors hear; all unless given.
+    """
+
+    def __init__(self, code_size: int, vector: int | None = None) -> None:
+        super().__init__(code_size)
+        self.vector = vector or code_size
+        self.scales = nn.Linear(self.vector, len(SCALED))
+        nn.init.normal_(self.scales.weight, std=0.1 * self.vector**-0.5)
         nn.init.constant_(self.scales.bias, 0.5413)  # softplus of it is 1
 
-    def maps(self, code: Tensor, drawn: dict[str, Tensor]) -> Tensor:
+    def maps(self, vector: Tensor, drawn: dict[str, Tensor]) -> Tensor:
         """Maps (B, 8, H, W) of what the branches drew, before their sigmoids."""
-        scale = F.softplus(self.scales(code))[:, :, None, None, None]
+        scale = F.softplus(self.scales(vector))[:, :, None, None, None]
         named = {name: torch.sigmoid(values.float()) for name, values in drawn.items()}
         for k, name in enumerate(SCALED):
             named[name] = named[name] * scale[:, k]
@@ -88,70 +97,98 @@ class DCGANMaterials(MaterialGenerator):
         return self.maps(code, {name: branch(x) for name, branch in self.branches.items()})
 
 
-class SmoothMaterials(MaterialGenerator):
-    """A modern one: the code is heard at every level, upsampling is smooth, and each level adds noise of its own.
+class StationaryMaterials(MaterialGenerator):
+    """A modern one, whose materials have no origin: what they are comes from a vector, where things lie from noise.
 
-    A mapping of the code scales and shifts every normalised level. Texture that no two materials share, where a fibre
-    lies, comes from a map of noise a level, drawn from the code itself, so that the same code gives the same material.
+    The code is a vector and a map of 4² places. Convolutions start from the map, which repeats itself: shifted by a
+    place, it gives the same material, noise aside, shifted by a quarter of its width. All levels repeat themselves
+    too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
+    map, drawn from the code, so that the same code gives the same material. The last doubling is a sub-pixel
+    convolution. No level looks at other materials of the batch: one is the same in training as when it is sampled.
 
     Args:
         size: side of the maps, 4·2^k.
+        code_size: of the vector.
+        places: channels of the map of 4² places.
         channels: at 4²; halved with every level, to `least` at least.
-        shared: levels that the branches share; each has one of its own at least.
+        shared: levels that the branches share, of those before the sub-pixel convolution, which each has of its own.
 
     References:
-        Karras et al. 2019 (a mapping network, noise at every level); de Vries et al. 2017 (modulated norms).
+        Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from).
+        Zhou et al. 2022, TileGen (levels that repeat themselves). Karras et al. 2019 (noise at every level).
+        Shi et al. 2016 (sub-pixel convolution). Zhang & Sennrich 2019 (root-mean-square norm).
     """
 
     def __init__(
-        self, size: int = 64, code_size: int = 128, channels: int = 256, shared: int = 3, least: int = 24
+        self,
+        size: int = 64,
+        code_size: int = 64,
+        places: int = 8,
+        channels: int = 128,
+        shared: int = 3,
+        least: int = 48,
     ) -> None:
-        super().__init__(code_size)
-        levels, hidden = upsampling_levels(size), 256
-        shared = min(shared, levels - 1)
-        widths = [max(channels // 2**i, least) for i in range(levels + 1)]
+        super().__init__(code_size + places * START**2, vector=code_size)
+        levels, hidden = upsampling_levels(size) - 1, 128
+        shared = min(shared, levels)
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
-        self.start = nn.Linear(hidden, widths[0] * 4**2)
-        self.width = widths[0]
+        widths = [channels, *[max(channels // 2 ** (i + 1), least) for i in range(levels)]]
+        self.start = nn.Conv2d(places, channels, 3, bias=False)
+        self.first = ModulatedScale(hidden, channels)
         pairs = list(zip(widths, widths[1:], strict=False))
-        self.first = ModulatedNorm(hidden, widths[0], 2)
-        self.common = nn.ModuleList([SmoothLevel(hidden, a, b) for a, b in pairs[:shared]])
-        self.branches = nn.ModuleDict({name: self._branch(hidden, pairs[shared:], s) for name, s in MAPS.items()})
+        self.common = nn.ModuleList([TilingLevel(hidden, a, b) for a, b in pairs[:shared]])
+        own = [(a, b) for a, b in pairs[shared:]]
+        self.branches = nn.ModuleDict({name: self._branch(hidden, own, widths[-1], name) for name in MAPS})
 
-    def _branch(self, hidden: int, pairs: list[tuple[int, int]], place: slice) -> nn.ModuleList:
-        last = nn.Conv2d(pairs[-1][1], place.stop - place.start, 3, padding=1)
-        return nn.ModuleList([*[SmoothLevel(hidden, a, b) for a, b in pairs], last])
+    def _branch(self, hidden: int, pairs: list[tuple[int, int]], width: int, name: str) -> nn.ModuleList:
+        start = torch.tensor(FIRST[name]).repeat_interleave(4)
+        last = nn.Conv2d(width, len(start), 3)
+        with torch.no_grad():
+            last.bias.copy_(start)  # pyright: ignore[reportOptionalMemberAccess]
+        return nn.ModuleList([*[TilingLevel(hidden, a, b) for a, b in pairs], last])
 
     def forward(self, code: Tensor) -> Tensor:
-        hidden = self.mapping(code)
-        x = self.start(hidden).view(len(code), self.width, 4, 4)
-        x = F.relu(self.first(x.contiguous(memory_format=torch.channels_last), hidden))
+        vector, places = code[:, : self.vector], code[:, self.vector :].view(len(code), -1, START, START)
+        hidden = self.mapping(vector)
+        x = self.start(tiled(places, 1).contiguous(memory_format=torch.channels_last))
+        x = F.relu(self.first(x, hidden))
+        noise: dict[int, Tensor] = {}
         for level in self.common:
-            x = level(x, hidden, code)
+            x = level(x, hidden, code, noise)
         drawn = {}
         for name, branch in self.branches.items():
             y = x
             for level in list(branch)[:-1]:  # pyright: ignore[reportArgumentType]
-                y = level(y, hidden, code)
-            drawn[name] = branch[-1](y).contiguous()  # pyright: ignore[reportIndexIssue]
-        return self.maps(code, drawn)
+                y = level(y, hidden, code, noise)
+            last = branch[-1](tiled(y, 1))  # pyright: ignore[reportIndexIssue]
+            drawn[name] = F.pixel_shuffle(last, 2).contiguous()
+        return self.maps(vector, drawn)
 
 
-class SmoothLevel(nn.Module):
-    """Convolution, bilinear doubling, noise, modulated batch norm, ReLU."""
+class TilingLevel(nn.Module):
+    """Convolution, bilinear doubling, noise, modulated scale, ReLU; what leaves on the left enters on the right."""
 
     def __init__(self, hidden: int, before: int, after: int) -> None:
         super().__init__()
-        self.convolution = nn.Conv2d(before, after, 3, padding=1, bias=False)
-        self.norm = ModulatedNorm(hidden, after, 2)
-        self.strength = nn.Parameter(torch.full((after,), 0.1))
+        self.convolution = nn.Conv2d(before, after, 3, bias=False)
+        self.norm = ModulatedScale(hidden, after)
+        self.strength = nn.Parameter(torch.full((after,), 0.3))
 
-    def forward(self, x: Tensor, hidden: Tensor, code: Tensor) -> Tensor:
-        x = F.interpolate(self.convolution(x), scale_factor=2, mode="bilinear", align_corners=False)
-        x = x + self.strength[:, None, None] * noise_of(code, x.shape[2])
+    def forward(self, x: Tensor, hidden: Tensor, code: Tensor, noise: dict[int, Tensor]) -> Tensor:
+        size = 2 * x.shape[2]
+        if size not in noise:
+            noise[size] = noise_of(code, size)
+        # One column more on every side than the convolution takes, for the interpolation; then cut off.
+        x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
+        x = x[:, :, 2:-2, 2:-2] + self.strength[:, None, None] * noise[size]
         return F.relu(self.norm(x, hidden))
+
+
+def tiled(x: Tensor, border: int) -> Tensor:
+    """x with a border of its own repetition."""
+    return F.pad(x, (border,) * 4, mode="circular")
 
 
 def noise_of(code: Tensor, size: int) -> Tensor:

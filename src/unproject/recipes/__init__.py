@@ -22,6 +22,10 @@ _HOME = {
     "wood": ("unproject.recipes.materials:wood_materials", "wood from maps and photographs, made for a laptop"),
     "metal": ("unproject.recipes.materials:metal_materials", "metal from maps and photographs, made for a laptop"),
     "plastic": ("unproject.recipes.materials:plastic_materials", "plastic from maps and photographs, for a laptop"),
+    "correlated": (
+        "unproject.recipes.materials:correlated_materials",
+        "materials whose maps are correlated by design, or not: a test of what is learned",
+    ),
     "wood-paper": ("unproject.recipes.materials:wood_paper", "wood from maps and photographs, the seed's choices"),
     "metal-paper": ("unproject.recipes.materials:metal_paper", "metal from maps and photographs, the seed's choices"),
     "plastic-paper": ("unproject.recipes.materials:plastic_paper", "plastic, likewise, the seed's choices"),

@@ -33,6 +33,7 @@ from ..adversarial.losses import Logistic, Relativistic
 from ..adversarial.penalties import R1R2
 from ..data import (
     Collection,
+    correlated,
     holds_sightings,
     material_patches,
     metal,
@@ -44,7 +45,7 @@ from ..data import (
     read_sightings,
     wood,
 )
-from ..networks import DCGANDiscriminator, DCGANMaterials, Discriminator, SmoothMaterials
+from ..networks import DCGANDiscriminator, DCGANMaterials, StationaryMaterials, TextureDiscriminator
 from ..ops.maps import MAPS
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
@@ -67,7 +68,7 @@ def materials(
     *,
     data: Path | None = None,
     views: Views = "known",
-    looks: tuple[str, ...] = (*MAPS, "top", "grazing"),
+    looks: tuple[str, ...] | None = None,
     maps: int = 500,
     renderings: int = 250,
     probes: Path | None = None,
@@ -77,10 +78,10 @@ def materials(
     minutes: float | None = None,
     seed: int = 0,
     batch: int = 16,
-    channels: int = 256,
-    judge: int = 16,
-    rate: float = 1e-3,
-    gamma: float = 2.0,
+    channels: int = 128,
+    judge: int = 24,
+    rate: float = 4e-3,
+    gamma: float = 1.0,
     checkpoint_every: int = 250,
 ) -> Recipe:
     """Materials from any mix of maps and photographs; `wood`, `metal` and `plastic` are this with their world.
@@ -90,7 +91,8 @@ def materials(
         data: a folder with a sub-folder of pictures for each look; or folders of textures, or an .npz of maps, of
             which patches are seen through `looks`; the embedded world unless given.
         views: known, or direct: one discriminator of all maps at once, with as many images in all.
-        looks: the observations, by name.
+        looks: the observations, by name; unless given, those that `data` has sub-folders for, or the four maps, flash
+            and lamp: what hard light shows of how the maps go together, light from everywhere hides.
         maps: how many samples each map has.
         renderings: how many pictures each kind of photograph has.
         probes: natural light: a folder, an .npz or one file; five built in unless given.
@@ -109,9 +111,9 @@ def materials(
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
     source = source_of(world, data, size, seed)
     return Recipe(
-        generator=partial(SmoothMaterials, size=size, channels=channels),
-        discriminator=partial(Discriminator, channels=judge, bottleneck=256),
-        looks=pairs_of(source, views, looks, maps, renderings, probes, samples),
+        generator=partial(StationaryMaterials, size=size, channels=channels),
+        discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
+        looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
         generator_optimiser=adam,
@@ -207,6 +209,12 @@ def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
     return see
 
 
+def looks_of(data: Path | None) -> tuple[str, ...]:
+    """The observations that `data` has sub-folders for, if it has any; else the maps, flash and lamp."""
+    found = () if data is None else tuple(name for name in (*MAPS, *SEEN_FROM) if holds_sightings(data, (name,)))
+    return found or (*MAPS, "flash", "lamp")
+
+
 def pairs_of(
     source: Source,
     views: Views,
@@ -275,11 +283,12 @@ def _of(function: Callable[..., Recipe], world: World, name: str) -> Callable[..
     return recipe
 
 
-WORLDS: dict[str, World] = {"wood": wood, "metal": metal, "plastic": plastic}
+WORLDS: dict[str, World] = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
 
 wood_materials = _of(materials, wood, "wood_materials")
 metal_materials = _of(materials, metal, "metal_materials")
 plastic_materials = _of(materials, plastic, "plastic_materials")
+correlated_materials = _of(materials, correlated, "correlated_materials")
 wood_paper = _of(materials_paper, wood, "wood_paper")
 metal_paper = _of(materials_paper, metal, "metal_paper")
 plastic_paper = _of(materials_paper, plastic, "plastic_paper")

@@ -1,0 +1,246 @@
+"""The seed's Figs. 7 to 11: what a generator of materials learns from which observations, side by side.
+
+    python benchmarks/materials.py --steps 900 --seeds 2 --parallel 2 --threads 1
+
+====================== =================================================================================================
+arm                    learned from
+====================== =================================================================================================
+multi (Figs. 7, 8)     wood: 500 pictures of each map, 250 renderings each under a flash and under a lamp
+joint (Fig. 7)         wood: 625 materials with all four maps, one discriminator
+natural (Figs. 7, 8)   wood: as multi, but the renderings as in the seed: natural light, from the top and grazing
+selections (Fig. 8)    wood: 500 pictures of each map
+correlated (Fig. 8)    the partly correlated world: as multi
+few (Fig. 9)           wood: as multi, 250 pictures of each map
+many (Fig. 9)          wood: as multi, 250 pictures of each map, 8000 renderings each
+lights (Fig. 9)        no maps: 6000 frontal renderings each under a flash, a lamp, natural and constant light
+metal, plastic         1000 pictures of each map, 5000 photographs each from the top and grazing: renderings under
+                       probes that training does not have
+====================== =================================================================================================
+
+With `--data` (shared/data) also `woodreal`: patches of the CC0 sets of wood, and its albedos as the diffuse maps; and
+the photographs of metal and plastic are lit by real probes, every other of which training has.
+
+Each arm is `unproject train` with the same networks and as many steps. It is scored with 500 materials against 500 of
+the world that no arm has seen, and so are 500 other true materials (arm `truth`), and true ones whose maps are
+shuffled (arm `shuffled`: what selections alone can know). Arms that are finished are not computed again:
+docs/results/materials/ARM-SEED.json. The sheets there show the first materials of a seed, none chosen: diffuse,
+specular, roughness, normal, and renderings under a flash, in a studio, by a window, under the sky.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+from results import made_by, write
+from torch import Tensor
+
+from unproject.data import material_patches, observe, procedural_probes, read_materials, read_probes
+from unproject.export import material_sheet
+from unproject.metrics import map_correlations, material_scores
+from unproject.ops.maps import MAPS, pack_maps, unpack_maps
+from unproject.recipes.materials import WORLDS, way_of
+from unproject.training import load
+from unproject.training.pictures import relit
+
+RESULTS = Path(__file__).parent.parent / "docs" / "results" / "materials"
+LIGHTS = ("flash", "lamp", "top", "ambient")
+ARMS: dict[str, tuple[str, dict[str, Any]]] = {
+    "multi": ("wood", {}),
+    "joint": ("wood", {"views": "direct"}),
+    "natural": ("wood", {"looks": (*MAPS, "top", "grazing")}),
+    "selections": ("wood", {"looks": tuple(MAPS)}),
+    "correlated": ("correlated", {}),
+    "few": ("wood", {"maps": 250}),
+    "many": ("wood", {"maps": 250, "renderings": 8000}),
+    "lights": ("wood", {"looks": LIGHTS, "renderings": 6000}),
+    "metal": ("metal", {"maps": 1000, "renderings": 5000}),
+    "plastic": ("plastic", {"maps": 1000, "renderings": 5000}),
+    "woodreal": ("wood", {"maps": 2000, "renderings": 2000}),
+}
+SCORED, UNSEEN, SIZE, SHOWN = 500, 2**40, 64, 10
+PICTURES = 5 * 10**4  # seeds of what is photographed
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="shared/data: real probes and sets")
+    parser.add_argument("--steps", type=int, default=900)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--parallel", type=int, default=1, help="runs at a time")
+    parser.add_argument("--threads", type=int, default=2, help="threads a run")
+    parser.add_argument("--runs", type=Path, default=Path("runs/materials"))
+    parser.add_argument("--arms", nargs="*", default=[arm for arm in ARMS if arm != "woodreal"])
+    options = parser.parse_args(argv)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    torch.set_num_threads(options.threads)
+    jobs = [(arm, seed) for seed in range(options.seeds) for arm in options.arms if not result(arm, seed).exists()]
+    for world in ("wood", "correlated", "metal", "plastic"):
+        baselines(world)
+    with ThreadPoolExecutor(options.parallel) as pool:
+        for _ in pool.map(lambda job: run(job[0], job[1], options), jobs):
+            pass
+    print(table())
+
+
+def result(arm: str, seed: int) -> Path:
+    return RESULTS / f"{arm}-{seed}.json"
+
+
+def run(arm: str, seed: int, options: argparse.Namespace) -> None:
+    """Train, then score in a process of its own."""
+    out = options.runs / f"{arm}-{seed}"
+    if (out / "recipe.json").exists():
+        command = ["resume", str(out), "--steps", str(options.steps)]
+    else:
+        world, flags = ARMS[arm]
+        flags = {"steps": options.steps, "seed": seed, "out": out} | flags | pictures_of(arm, options)
+        command = ["train", world, *[part for key, value in flags.items() for part in (f"--{key}", *_said(value))]]
+    subprocess.run(
+        [sys.executable, "-m", "unproject", *command, "--quiet", "--threads", str(options.threads)], check=True
+    )
+    score(arm, seed, out)
+
+
+def _said(value: Any) -> list[str]:
+    return [*value] if isinstance(value, tuple) else [str(value)]
+
+
+def pictures_of(arm: str, options: argparse.Namespace) -> dict[str, Path]:
+    """`--data` and `--probes` of the arms that learn from pictures in folders; these are written first."""
+    if arm not in ("metal", "plastic", "woodreal"):
+        return {}
+    ours, theirs = probes(options)
+    folder = options.runs / f"pictures-{arm}"
+    light = options.runs / "probes"
+    if not light.exists():
+        light.mkdir(parents=True)
+        for k, probe in enumerate(ours):
+            np.save(light / f"{k:02d}.npy", probe.permute(1, 2, 0).numpy())
+    if not folder.exists():
+        counts = ARMS[arm][1]
+        write_pictures(folder, materials_of(arm, options), counts["maps"], counts["renderings"], theirs)
+        if arm == "woodreal":
+            with np.load(options.data / "materials" / "ambientcg_diffuse64_wood.npz") as albedos:
+                for k, albedo in enumerate(albedos["albedo64"]):
+                    Image.fromarray(albedo).save(folder / "diffuse" / f"albedo-{k:03d}.png")
+    return {"data": folder, "probes": light}
+
+
+def probes(options: argparse.Namespace) -> tuple[Tensor, Tensor]:
+    """Light for training and light of the photographs: every other probe; none is in both."""
+    every = procedural_probes(32)[0] if options.data is None else read_probes(options.data / "hdr", 32)[0]
+    return every[::2], every[1::2]
+
+
+World = Callable[[int, int], Tensor]
+
+
+def materials_of(arm: str, options: argparse.Namespace) -> World:
+    """(count, seed) → materials."""
+    if arm != "woodreal":
+        return lambda count, seed: WORLDS[arm](count, SIZE, seed)
+    sets = read_materials(options.data / "materials" / "svbrdf" / "wood", 4 * SIZE)[0]
+    return lambda count, seed: material_patches(sets, count, SIZE, seed, turn=0.1)
+
+
+def write_pictures(folder: Path, things: World, maps: int, renderings: int, light: Tensor) -> None:
+    """A folder a way of looking, of PNGs, as `--data` takes them; no two pictures are of one material."""
+    encoded = {"diffuse": _srgb, "roughness": torch.sqrt, "normal": lambda n: n / 2 + 0.5, "specular": lambda s: s}
+    for k, name in enumerate(MAPS):
+        _write(folder / name, encoded[name](things(maps, PICTURES + k)[:, MAPS[name]]))
+    for k, name in enumerate(("top", "grazing")):
+        seen = observe(things(renderings, PICTURES + 10 + k), [way_of(name, light, 64)], seed=k)
+        _write(folder / name, seen.items)
+
+
+def _srgb(v: Tensor) -> Tensor:
+    return torch.where(v <= 0.0031308, 12.92 * v, 1.055 * v.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
+
+
+def _write(folder: Path, values: Tensor) -> None:
+    """Colours and normals in 8 bits, grey maps in 16: a specular albedo of 0.04 is ten steps of 8 bits."""
+    folder.mkdir(parents=True)
+    for k, image in enumerate(values.clamp(0, 1).numpy()):
+        grey = len(image) == 1
+        pixels = (image[0] * 65535 + 0.5).astype(np.uint16) if grey else (image * 255 + 0.5).astype(np.uint8)
+        Image.fromarray(pixels if grey else np.moveaxis(pixels, 0, 2)).save(folder / f"{k:05d}.png")
+
+
+def score(arm: str, seed: int, out: Path) -> None:
+    """Against materials of the world that no arm has seen."""
+    generator = load(out)
+    found = generator.generator.sample(SCORED, seed)
+    sheet(generator.generator.sample(SHOWN, seed), RESULTS / f"{arm}-{seed}.png")
+    scores: dict[str, Any] = {}
+    if arm != "woodreal":
+        scores = scored(found, world_of(ARMS[arm][0]), seed)
+    about = {"arm": arm, "seed": seed, "steps": generator.step} | made_by(out)
+    write(result(arm, seed), about | {"scores": scores, "correlations": correlations(found)})
+
+
+def scored(found: Tensor, truth: Tensor, seed: int) -> dict[str, Any]:
+    """Scores of maps and of two renderings, under a flash and in a studio."""
+    pictures = {name: (relit(found)[k], relit(truth)[k]) for k, name in enumerate(("flash", "studio"))}
+    return {name: asdict(value) for name, value in material_scores(found, truth, seed, pictures).items()}
+
+
+def world_of(world: str) -> Tensor:
+    return WORLDS[world](SCORED, SIZE, UNSEEN)
+
+
+def correlations(maps: Tensor) -> dict[str, Any]:
+    """The correlations between maps, scale by scale."""
+    table = map_correlations(maps)
+    return {"scales": table.scales, "values": [[round(v, 4) for v in row] for row in table.values.tolist()]}
+
+
+def baselines(world: str) -> None:
+    """Other true materials, and these with their maps shuffled, against the same truth."""
+    others = WORLDS[world](SCORED, SIZE, UNSEEN + 1)
+    rng = torch.Generator().manual_seed(0)
+    mixed = {name: part[torch.randperm(SCORED, generator=rng)] for name, part in unpack_maps(others).items()}
+    for arm, maps in (("truth", others), ("shuffled", pack_maps(mixed))):
+        path = RESULTS / f"{arm}-{world}.json"
+        if not path.exists():
+            scores = scored(maps, world_of(world), 0)
+            write(path, {"arm": f"{arm} {world}", "scores": scores, "correlations": correlations(maps)})
+            sheet(maps[:SHOWN], RESULTS / f"{arm}-{world}.png")
+
+
+def sheet(maps: Tensor, path: Path) -> None:
+    material_sheet(maps, relit(maps), path)
+
+
+COLUMNS = (
+    *(f"patch_{name}" for name in (*MAPS, "flash", "studio")),
+    *("correlation_error", "diversity", "precision", "recall", "coverage"),
+)
+
+
+def table() -> str:
+    """All results so far, as Markdown."""
+    lines = ["| arm | seed | steps | " + " | ".join(COLUMNS) + " |", "|---" * (len(COLUMNS) + 3) + "|"]
+    for file in sorted(RESULTS.glob("*.json")):
+        content = json.loads(file.read_text())
+        cells = [f"{content['scores'][c]['value']:.3f}" if c in content["scores"] else "" for c in COLUMNS]
+        first = [content["arm"], str(content.get("seed", "")), str(content.get("steps", ""))]
+        lines.append("| " + " | ".join(first + cells) + " |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    began = time.monotonic()
+    main()
+    print(f"{(time.monotonic() - began) / 60:.1f} minutes")

@@ -1,0 +1,80 @@
+"""The discriminator of textures: where things lie does not count, windows move, batches are compared by group."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from unproject._random import generator_at, seeded
+from unproject._types import UserError
+from unproject.networks import TextureDiscriminator
+
+HEAD = torch.zeros(6, dtype=torch.long)
+
+
+def judge(**settings: object) -> TextureDiscriminator:
+    with seeded(0):
+        return TextureDiscriminator((3, 32, 32), channels=8, **settings)  # pyright: ignore
+
+
+def pictures(n: int = 6) -> torch.Tensor:
+    return torch.rand(n, 3, 32, 32, generator=generator_at(1))
+
+
+def test_training_looks_through_another_window_each_time_and_goes_on_where_it_was() -> None:
+    """The whole picture counts in the end; a copy restored from the state goes on with the same windows."""
+    x = pictures().requires_grad_()
+    network, seen = judge(window=16), torch.zeros(32, 32)
+    for _ in range(100):
+        (slope,) = torch.autograd.grad(network(x, HEAD).sum(), x)
+        looked = slope.abs().sum((0, 1)) > 0
+        assert looked.any(0).sum() <= 16 and looked.any(1).sum() <= 16
+        seen += looked
+    assert (seen.sum(0) > 0).all() and (seen.sum(1) > 0).all()
+    copy = judge(window=16)
+    copy.load_state_dict(network.state_dict())
+    assert torch.equal(copy(x, HEAD), network(x, HEAD))
+    assert not torch.equal(network(x, HEAD), network(x, HEAD))
+
+
+def test_outside_of_training_it_looks_at_the_middle() -> None:
+    network, x = judge(window=16).eval(), pictures()
+    other = x.clone()
+    other[:, :, :8], other[:, :, :, :8], other[:, :, 24:], other[:, :, :, 24:] = 0, 0, 0, 0
+    assert torch.equal(network(x, HEAD), network(other, HEAD)) and network.taken == 0
+
+
+def test_where_things_lie_hardly_counts() -> None:
+    """A shift by a place of the coarsest level moves the logit far less than another contrast does."""
+    network = judge(window=32).eval()
+    x = pictures(64) * torch.linspace(0, 1, 64)[:, None, None, None]
+    head = torch.zeros(64, dtype=torch.long)
+    with torch.no_grad():
+        alone = torch.cat([network(one[None], head[:1]) for one in x])
+        shifted = torch.cat([network(one[None].roll((8, 8), (2, 3)), head[:1]) for one in x])
+    assert (shifted - alone).std() < 0.2 * alone.std()
+
+
+def test_a_batch_of_equal_pictures_is_told_from_one_of_different_ones() -> None:
+    """Through the deviations over the batch; those of other groups have no say."""
+    network = judge(group=3).eval()
+    x = pictures()
+    same = torch.cat([x[:1].expand(3, -1, -1, -1), x[3:]])
+    with torch.no_grad():
+        mixed, equal = network(x, HEAD), network(same, HEAD)
+    assert (mixed[0] - equal[0]).abs() > 1e-4
+    torch.testing.assert_close(mixed[3:], equal[3:])
+
+
+@pytest.mark.parametrize(
+    ("shape", "window", "complaint"),
+    [
+        ((3, 32, 16), None, "square images"),
+        ((3, 32), None, "square images"),
+        ((3, 32, 32), 64, "does not fit"),
+        ((3, 32, 32), 12, "size 12"),
+    ],
+)
+def test_what_it_does_not_take(shape: tuple[int, ...], window: int | None, complaint: str) -> None:
+    with pytest.raises(UserError, match=complaint):
+        TextureDiscriminator(shape, window=window)
