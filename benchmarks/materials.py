@@ -86,10 +86,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     RESULTS.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(options.threads)
     jobs = [(arm, seed) for seed in range(options.seeds) for arm in options.arms if not result(arm, seed).exists()]
-    for world in ("wood", "correlated", "metal", "plastic"):
-        baselines(world)
     with ThreadPoolExecutor(options.parallel) as pool:
         for _ in pool.map(lambda job: run(job[0], job[1], options), jobs):
+            pass
+        for _ in pool.map(baselines, ("wood", "correlated", "metal", "plastic")):
             pass
     print(table())
 
