@@ -36,6 +36,10 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "my_wood").mkdir()
     for name, value in (("Color", (120, 90, 60)), ("Roughness", (130, 130, 130)), ("NormalGL", (128, 128, 255))):
         Image.new("RGB", (16, 16), value).save(tmp_path / "my_wood" / f"Wood_{name}.png")
+    for name in ("diffuse", "top", "flash"):
+        (tmp_path / "my_photos" / name).mkdir(parents=True)
+        for k in range(4):
+            Image.effect_noise((70, 64), 60 + k).convert("RGB").save(tmp_path / "my_photos" / name / f"{k}.jpg")
     return folder
 
 
@@ -54,7 +58,7 @@ def test_the_commands_of_the_readme_run(masks: Path) -> None:
         command = re.sub(r"--minutes \d+", "--steps 2 --batch 4", line.partition("#")[0])
         command = command.replace("--batch 4", "") if " resume " in command else command
         command = command.replace("evaluate runs/mine", "evaluate runs/mine --n 4 --reference my_masks")
-        command = command.replace("--ceiling", "--n 10")
+        command = command.replace("--ceiling", "--n 10").replace("evaluate runs/wood", "evaluate runs/wood --n 8")
         if " glb " in command:
             fill_what_was_learned(Path("runs/mine"))
         arguments = shlex.split(command)[1:]

@@ -174,7 +174,7 @@ class TilingLevel(nn.Module):
         super().__init__()
         self.convolution = nn.Conv2d(before, after, 3, bias=False)
         self.norm = ModulatedScale(hidden, after)
-        self.strength = nn.Parameter(torch.full((after,), 0.3))
+        self.strength = nn.Parameter(torch.full((after,), 0.2))
 
     def forward(self, x: Tensor, hidden: Tensor, code: Tensor, noise: dict[int, Tensor]) -> Tensor:
         size = 2 * x.shape[2]

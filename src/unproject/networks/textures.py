@@ -13,28 +13,32 @@ from .blocks import upsampling_levels
 
 FLOOR = 1e-4  # of a variance, so that its root has a slope
 
+PLASTIC = 1.32471795724474602596  # x³ = x + 1
+R2 = (1 / PLASTIC, 1 / PLASTIC**2)
+
 
 class TextureDiscriminator(nn.Module):
-    """Statistics of a window's features: means and deviations over places, level by level, and over the batch.
+    """Statistics of features in windows of a pyramid: means and deviations over places, and these over the batch.
 
-    Stride-2 convolutions of a window down to 4², channels doubling. Of every level's features f the means over places
-    and the deviations around them, s; of s the deviations over the batch, d. Logit: a row a head times
-    LeakyReLU(A s + B d). A few hundred pictures are thousands of windows, and their average has no place to be learned
-    by heart; d finds out a generator that makes one thing again and again.
+    The picture, and averaged down by 2, 4, … until it fits into a window: of each a window, and for each stride-2
+    convolutions down to 4², channels doubling. Of every level's features the means over places and the deviations
+    around them, s; of s the deviations over the batch, d. Logit: a row a head times LeakyReLU(A s + B d). A few
+    hundred pictures are thousands of windows, and an average has no place to be learned by heart; d finds out a
+    generator that makes one thing again and again.
 
     The windows of successive calls in training lie low-discrepant (Roberts' R₂), counted in a buffer, so that a resumed
-    run goes on with the next; outside of training the window is the middle.
+    run goes on with the next; outside of training they are in the middle.
 
     Args:
         shape: (C, H, W) of one image, square, a side of 4·2^k.
         heads: rows of the last layer, one a way of looking.
-        channels: after the first convolution.
+        channels: after the first convolution of each.
         group: images compared with one another: real and generated ones of a concatenated pass are not to be mixed.
-        window: side of the window, 8 at least; half the side of the image unless given.
+        window: side of the windows, 8 at least; at most 32 unless given.
 
     References:
-        Gatys et al. 2015 (statistics of features as textures); Karras et al. 2018 (deviations over the batch);
-        Roberts 2018, The unreasonable effectiveness of quasirandom sequences (R₂).
+        Gatys et al. 2015 (statistics of features as textures); Wang et al. 2018, pix2pixHD (discriminators of several
+        scales); Karras et al. 2018 (deviations over the batch); Roberts 2018 (R₂).
 
     Raises:
         UserError: for images of another shape, or a window that is no 4·2^k or larger than they.
@@ -46,7 +50,7 @@ class TextureDiscriminator(nn.Module):
         self,
         shape: tuple[int, ...],
         heads: int = 1,
-        channels: int = 24,
+        channels: int = 16,
         group: int | None = None,
         window: int | None = None,
         hidden: int = 128,
@@ -55,12 +59,13 @@ class TextureDiscriminator(nn.Module):
         super().__init__()
         if len(shape) != 3 or shape[1] != shape[2]:
             raise UserError(f"texture discriminator: give square images (C, H, H), not {shape}")
-        self.window, self.group, self.slope = window or max(shape[1] // 2, 8), group, slope
+        self.window, self.group, self.slope = window or min(shape[1], 32), group, slope
         if self.window > shape[1]:
             raise UserError(f"texture discriminator: a window of {self.window} does not fit into {shape[1]} pixels")
         widths = [shape[0], *[channels * 2**k for k in range(upsampling_levels(self.window))]]
-        self.convolutions = nn.ModuleList([nn.Conv2d(a, b, 4, 2, 1) for a, b in zip(widths, widths[1:], strict=False)])
-        features = 2 * sum(widths[1:])
+        scales = upsampling_levels(shape[1]) - len(widths) + 2
+        self.scales = nn.ModuleList([_stack(widths) for _ in range(scales)])
+        features = 2 * sum(widths[1:]) * scales
         self.own, self.between = nn.Linear(features, hidden), nn.Linear(features, hidden)
         self.last = nn.Embedding(heads, hidden + 1)
         nn.init.normal_(self.last.weight, std=hidden**-0.5)
@@ -68,32 +73,35 @@ class TextureDiscriminator(nn.Module):
 
     def forward(self, image: Tensor, head: Tensor) -> Tensor:
         """Logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
-        row, column = self._place(image.shape[-1] - self.window)
-        x = image[:, :, row : row + self.window, column : column + self.window] * 2 - 1
-        s = self._statistics(x.contiguous(memory_format=torch.channels_last))
+        image = (image * 2 - 1).contiguous(memory_format=torch.channels_last)
+        s = torch.cat([self._statistics(k, x) for k, x in enumerate(self.windows(image))], 1)
         d = torch.cat([_deviation(part, 0).expand_as(part) for part in s.split(self.group or len(s))])
         y = F.leaky_relu(self.own(s) + self.between(d), self.slope)
         weights = self.last(head)
         return (y * weights[:, :-1]).sum(1) + weights[:, -1]
 
-    def _statistics(self, x: Tensor) -> Tensor:
+    def windows(self, image: Tensor) -> list[Tensor]:
+        """One window of every scale, finest first; the last is the whole picture."""
+        self.taken += int(self.training)
+        place = [math.fmod(0.5 + a * self.taken.item(), 1) if self.training else 0.5 for a in R2]
         found = []
-        for convolution in self.convolutions:
+        for k in range(len(self.scales)):
+            x = F.avg_pool2d(image, 2**k) if k else image
+            row, column = (int(u * (x.shape[-1] - self.window + 1)) for u in place)
+            found.append(x[:, :, row : row + self.window, column : column + self.window])
+        return found
+
+    def _statistics(self, k: int, x: Tensor) -> Tensor:
+        found = []
+        for convolution in self.scales[k]:  # pyright: ignore[reportGeneralTypeIssues]
             x = F.leaky_relu(convolution(x), self.slope)
             found += [x.mean((2, 3)), _deviation(x, (2, 3)).flatten(1)]
         return torch.cat(found, 1)
 
-    def _place(self, room: int) -> tuple[int, int]:
-        """Row and column of the window."""
-        if not self.training:
-            return room // 2, room // 2
-        self.taken += 1
-        return tuple(int(math.fmod(0.5 + a * self.taken.item(), 1) * (room + 1)) for a in R2)  # pyright: ignore
+
+def _stack(widths: list[int]) -> nn.ModuleList:
+    return nn.ModuleList([nn.Conv2d(a, b, 4, 2, 1) for a, b in zip(widths, widths[1:], strict=False)])
 
 
 def _deviation(x: Tensor, over: int | tuple[int, ...]) -> Tensor:
     return ((x - x.mean(over, keepdim=True)).square().mean(over, keepdim=True) + FLOOR).sqrt()
-
-
-PLASTIC = 1.32471795724474602596  # x³ = x + 1
-R2 = (1 / PLASTIC, 1 / PLASTIC**2)

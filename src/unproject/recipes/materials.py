@@ -77,11 +77,11 @@ def materials(
     steps: int | None = None,
     minutes: float | None = None,
     seed: int = 0,
-    batch: int = 16,
+    batch: int = 8,
     channels: int = 128,
-    judge: int = 24,
-    rate: float = 4e-3,
-    gamma: float = 1.0,
+    judge: int = 16,
+    rate: float = 1.5e-3,
+    gamma: float = 0.5,
     checkpoint_every: int = 250,
 ) -> Recipe:
     """Materials from any mix of maps and photographs; `wood`, `metal` and `plastic` are this with their world.
@@ -108,7 +108,7 @@ def materials(
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
         checkpoint_every: steps between checkpoints.
     """
-    adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+    adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
     source = source_of(world, data, size, seed)
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels),
