@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from safetensors.torch import load_file
 
 from unproject._types import UserError
 from unproject.cli import main
@@ -17,6 +18,7 @@ from unproject.ops.maps import MAPS
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
 from unproject.recipes.materials import SEEN_FROM, materials, metal_materials, wood_materials, wood_paper
+from unproject.training import resume, train
 from unproject.training.panel import build_panels
 
 TOY = {"size": 16, "steps": 2, "batch": 4, "channels": 16, "judge": 4}
@@ -99,6 +101,20 @@ def test_patches_of_a_few_large_materials(tmp_path: Path) -> None:
     np.savez(tmp_path / "few.npz", **large)  # pyright: ignore[reportArgumentType]
     recipe = wood_materials(data=tmp_path / "few.npz", maps=20, renderings=10, **TOY)
     assert [len(collection) for _, collection in recipe.looks] == [20, 20, 20, 20, 10, 10]
+
+
+def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    """The moving windows of the discriminators too."""
+    recipe = wood_materials(looks=("diffuse", "flash"), maps=6, renderings=4, **TOY | {"steps": 6, "size": 64})
+    recipe = recipe.replace(checkpoint_every=3)
+    train(recipe, tmp_path / "run", quiet=True)
+    _, last = sorted((tmp_path / "run" / "checkpoints").glob("*.safetensors"))
+    before = load_file(last)
+    last.unlink()
+    resume(recipe, tmp_path / "run", quiet=True)
+    after = load_file(last)
+    differ = [name for name, value in before.items() if not torch.equal(value, after[name])]
+    assert not [name for name in differ if "counters" not in name] and any("taken" in name for name in before)
 
 
 @pytest.mark.parametrize("name", ["wood", "metal-paper"])
