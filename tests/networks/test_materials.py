@@ -86,6 +86,18 @@ def test_a_stationary_generator_has_no_origin() -> None:
         assert (generator(shifted) - generator(code)).abs().max() > 1e-3
 
 
+def test_a_moving_vector_moves_no_noise() -> None:
+    """A material changes smoothly with its vector, and is another one with another map of places."""
+    generator = made("stationary").eval()
+    code = generator.draw(1, generator_at(5))
+    near, other = code.clone(), code.clone()
+    near[:, : generator.vector] += 1e-4  # pyright: ignore
+    other[:, generator.vector :] += 1e-4  # pyright: ignore
+    with torch.no_grad():
+        x, close, far = (generator(c) for c in (code, near, other))
+    assert (close - x).abs().max() < 1e-3 < (far - x).abs().max()
+
+
 def test_a_stationary_generator_starts_as_a_flat_dielectric() -> None:
     with seeded(0):
         x = StationaryMaterials(64).sample(8, seed=0)

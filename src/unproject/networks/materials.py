@@ -103,8 +103,9 @@ class StationaryMaterials(MaterialGenerator):
     The code is a vector and a map of 4² places. Convolutions start from the map, which repeats itself: shifted by a
     place, it gives the same material, noise aside, shifted by a quarter of its width. All levels repeat themselves
     too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
-    map, drawn from the code, so that the same code gives the same material. The last doubling is a sub-pixel
-    convolution. No level looks at other materials of the batch: one is the same in training as when it is sampled.
+    map and drawn from it: the same code gives the same material, and a moving vector a material that changes smoothly.
+    The last doubling is a sub-pixel convolution. No level looks at other materials of the batch: one is the same in
+    training as when it is sampled.
 
     Args:
         size: side of the maps, 4·2^k.
@@ -150,18 +151,19 @@ class StationaryMaterials(MaterialGenerator):
         return nn.ModuleList([*[TilingLevel(hidden, a, b) for a, b in pairs], last])
 
     def forward(self, code: Tensor) -> Tensor:
-        vector, places = code[:, : self.vector], code[:, self.vector :].view(len(code), -1, START, START)
+        vector, places = code[:, : self.vector], code[:, self.vector :]
         hidden = self.mapping(vector)
-        x = self.start(tiled(places, 1).contiguous(memory_format=torch.channels_last))
+        start = places.view(len(code), -1, START, START)
+        x = self.start(tiled(start, 1).contiguous(memory_format=torch.channels_last))
         x = F.relu(self.first(x, hidden))
         noise: dict[int, Tensor] = {}
         for level in self.common:
-            x = level(x, hidden, code, noise)
+            x = level(x, hidden, places, noise)
         drawn = {}
         for name, branch in self.branches.items():
             y = x
             for level in list(branch)[:-1]:  # pyright: ignore[reportArgumentType]
-                y = level(y, hidden, code, noise)
+                y = level(y, hidden, places, noise)
             last = branch[-1](tiled(y, 1))  # pyright: ignore[reportIndexIssue]
             drawn[name] = F.pixel_shuffle(last, 2).contiguous()
         return self.maps(vector, drawn)
@@ -176,10 +178,10 @@ class TilingLevel(nn.Module):
         self.norm = ModulatedScale(hidden, after)
         self.strength = nn.Parameter(torch.full((after,), 0.2))
 
-    def forward(self, x: Tensor, hidden: Tensor, code: Tensor, noise: dict[int, Tensor]) -> Tensor:
+    def forward(self, x: Tensor, hidden: Tensor, places: Tensor, noise: dict[int, Tensor]) -> Tensor:
         size = 2 * x.shape[2]
         if size not in noise:
-            noise[size] = noise_of(code, size)
+            noise[size] = noise_of(places, size)
         # One column more on every side than the convolution takes, for the interpolation; then cut off.
         x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
         x = x[:, :, 2:-2, 2:-2] + self.strength[:, None, None] * noise[size]
