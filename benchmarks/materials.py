@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -130,11 +131,14 @@ def pictures_of(arm: str, options: argparse.Namespace) -> dict[str, Path]:
             np.save(light / f"{k:02d}.npy", probe.permute(1, 2, 0).numpy())
     if not folder.exists():
         counts = ARMS[arm][1]
-        write_pictures(folder, materials_of(arm, options), counts["maps"], counts["renderings"], theirs)
+        unfinished = folder.with_suffix(".unfinished")
+        shutil.rmtree(unfinished, ignore_errors=True)
+        write_pictures(unfinished, materials_of(arm, options), counts["maps"], counts["renderings"], theirs)
         if arm == "woodreal":
             with np.load(options.data / "materials" / "ambientcg_diffuse64_wood.npz") as albedos:
                 for k, albedo in enumerate(albedos["albedo64"]):
-                    Image.fromarray(albedo).save(folder / "diffuse" / f"albedo-{k:03d}.png")
+                    Image.fromarray(albedo).save(unfinished / "diffuse" / f"albedo-{k:03d}.png")
+        unfinished.rename(folder)
     return {"data": folder, "probes": light}
 
 
