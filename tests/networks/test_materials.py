@@ -68,6 +68,8 @@ def test_noise_is_white_and_a_function_of_the_code() -> None:
     torch.testing.assert_close(flat.mean(1), torch.zeros(3), atol=0.06, rtol=0)
     torch.testing.assert_close(flat.std(1), torch.ones(3), atol=0.05, rtol=0)
     assert torch.corrcoef(flat).triu(1).abs().max() < 0.08
+    several = noise_of(code, 32, 4).flatten(2)
+    assert torch.corrcoef(several.flatten(0, 1)).triu(1).abs().max() < 0.15
     image = noise[0, 0]
     assert abs((image[:, 1:] * image[:, :-1]).mean()) < 0.06 and abs((image[1:] * image[:-1]).mean()) < 0.06
 

@@ -104,14 +104,16 @@ class StationaryMaterials(MaterialGenerator):
     place, it gives the same material, noise aside, shifted by a quarter of its width. All levels repeat themselves
     too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
     map and drawn from it: the same code gives the same material, and a moving vector a material that changes smoothly.
-    The last doubling is a sub-pixel convolution. No level looks at other materials of the batch: one is the same in
-    training as when it is sampled.
+    A level mixes several independent sources of noise, so that maps may have nothing to do with one another. The last
+    doubling is a sub-pixel convolution. No level looks at other materials of the batch: one is the same in training as
+    when it is sampled.
 
     Args:
         size: side of the maps, 4·2^k.
         code_size: of the vector.
         places: channels of the map of 4² places.
         channels: at 4²; halved with every level, to `least` at least.
+        sources: of noise, a level.
         shared: levels that the branches share, of those before the sub-pixel convolution, which each has of its own.
 
     References:
@@ -126,6 +128,7 @@ class StationaryMaterials(MaterialGenerator):
         code_size: int = 64,
         places: int = 8,
         channels: int = 128,
+        sources: int = 8,
         shared: int = 3,
         least: int = 48,
     ) -> None:
@@ -139,16 +142,11 @@ class StationaryMaterials(MaterialGenerator):
         self.start = nn.Conv2d(places, channels, 3, bias=False)
         self.first = ModulatedScale(hidden, channels)
         pairs = list(zip(widths, widths[1:], strict=False))
-        self.common = nn.ModuleList([TilingLevel(hidden, a, b) for a, b in pairs[:shared]])
-        own = [(a, b) for a, b in pairs[shared:]]
-        self.branches = nn.ModuleDict({name: self._branch(hidden, own, widths[-1], name) for name in MAPS})
-
-    def _branch(self, hidden: int, pairs: list[tuple[int, int]], width: int, name: str) -> nn.ModuleList:
-        start = torch.tensor(FIRST[name]).repeat_interleave(4)
-        last = nn.Conv2d(width, len(start), 3)
-        with torch.no_grad():
-            last.bias.copy_(start)  # pyright: ignore[reportOptionalMemberAccess]
-        return nn.ModuleList([*[TilingLevel(hidden, a, b) for a, b in pairs], last])
+        self.common = nn.ModuleList([TilingLevel(hidden, a, b, sources) for a, b in pairs[:shared]])
+        self.branches = nn.ModuleDict({name: nn.ModuleList() for name in MAPS})
+        for name, branch in self.branches.items():
+            branch.extend([TilingLevel(hidden, a, b, sources) for a, b in pairs[shared:]])  # pyright: ignore
+            branch.append(_last(widths[-1], name))  # pyright: ignore
 
     def forward(self, code: Tensor) -> Tensor:
         vector, places = code[:, : self.vector], code[:, self.vector :]
@@ -169,22 +167,31 @@ class StationaryMaterials(MaterialGenerator):
         return self.maps(vector, drawn)
 
 
+def _last(width: int, name: str) -> nn.Conv2d:
+    """The sub-pixel convolution of a map, which starts where `FIRST` says."""
+    start = torch.tensor(FIRST[name]).repeat_interleave(4)
+    last = nn.Conv2d(width, len(start), 3)
+    with torch.no_grad():
+        last.bias.copy_(start)  # pyright: ignore[reportOptionalMemberAccess]
+    return last
+
+
 class TilingLevel(nn.Module):
     """Convolution, bilinear doubling, noise, modulated scale, ReLU; what leaves on the left enters on the right."""
 
-    def __init__(self, hidden: int, before: int, after: int) -> None:
+    def __init__(self, hidden: int, before: int, after: int, sources: int) -> None:
         super().__init__()
         self.convolution = nn.Conv2d(before, after, 3, bias=False)
         self.norm = ModulatedScale(hidden, after)
-        self.strength = nn.Parameter(torch.full((after,), 0.2))
+        self.strength = nn.Parameter(torch.randn(after, sources) * 0.2 * sources**-0.5)
 
     def forward(self, x: Tensor, hidden: Tensor, places: Tensor, noise: dict[int, Tensor]) -> Tensor:
         size = 2 * x.shape[2]
         if size not in noise:
-            noise[size] = noise_of(places, size)
+            noise[size] = noise_of(places, size, self.strength.shape[1])
         # One column more on every side than the convolution takes, for the interpolation; then cut off.
         x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
-        x = x[:, :, 2:-2, 2:-2] + self.strength[:, None, None] * noise[size]
+        x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise[size], self.strength[:, :, None, None])
         return F.relu(self.norm(x, hidden))
 
 
@@ -193,12 +200,12 @@ def tiled(x: Tensor, border: int) -> Tensor:
     return F.pad(x, (border,) * 4, mode="circular")
 
 
-def noise_of(code: Tensor, size: int) -> Tensor:
-    """(B, 1, size, size), nearly N(0, 1) and nearly white: a function of the code, so that samples repeat.
+def noise_of(code: Tensor, size: int, sources: int = 1) -> Tensor:
+    """(B, sources, size, size), nearly N(0, 1) and nearly white: a function of the code, so that samples repeat.
 
     frac(sin) of the pixel's number and the code, as shaders draw noise, brought to mean 0 and deviation 1.
     """
     seed = code.detach().double()[:, :2].sum(1) * 1e3
-    pixel = torch.arange(size * size, dtype=torch.float64, device=code.device)
+    pixel = torch.arange(sources * size * size, dtype=torch.float64, device=code.device)
     raw = torch.frac(torch.sin((pixel + 1) * 12.9898 + seed[:, None] * 78.233).abs() * 43758.5453)
-    return ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, 1, size, size)
+    return ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
