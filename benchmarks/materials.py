@@ -49,6 +49,7 @@ from torch import Tensor
 
 from unproject.data import material_patches, observe, procedural_probes, read_materials, read_probes
 from unproject.export import material_sheet
+from unproject.export.materials import to_srgb
 from unproject.metrics import map_correlations, material_scores
 from unproject.ops.maps import MAPS, pack_maps, unpack_maps
 from unproject.recipes.materials import WORLDS, way_of
@@ -161,16 +162,17 @@ def materials_of(arm: str, options: argparse.Namespace) -> World:
 
 def write_pictures(folder: Path, things: World, maps: int, renderings: int, light: Tensor) -> None:
     """A folder a way of looking, of PNGs, as `--data` takes them; no two pictures are of one material."""
-    encoded = {"diffuse": _srgb, "roughness": torch.sqrt, "normal": lambda n: n / 2 + 0.5, "specular": lambda s: s}
+    encoded = {
+        "diffuse": lambda c: torch.from_numpy(to_srgb(c.numpy())),
+        "roughness": torch.sqrt,
+        "normal": lambda n: n / 2 + 0.5,
+        "specular": lambda s: s,
+    }
     for k, name in enumerate(MAPS):
         _write(folder / name, encoded[name](things(maps, PICTURES + k)[:, MAPS[name]]))
     for k, name in enumerate(("top", "grazing")):
         seen = observe(things(renderings, PICTURES + 10 + k), [way_of(name, light, 64)], seed=k)
         _write(folder / name, seen.items)
-
-
-def _srgb(v: Tensor) -> Tensor:
-    return torch.where(v <= 0.0031308, 12.92 * v, 1.055 * v.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
 
 
 def _write(folder: Path, values: Tensor) -> None:

@@ -9,12 +9,10 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .._types import UserError
+from ..ops.low_discrepancy import STEPS
 from .blocks import upsampling_levels
 
 FLOOR = 1e-4  # of a variance, so that its root has a slope
-
-PLASTIC = 1.32471795724474602596  # x³ = x + 1
-R2 = (1 / PLASTIC, 1 / PLASTIC**2)
 
 
 class TextureDiscriminator(nn.Module):
@@ -83,7 +81,8 @@ class TextureDiscriminator(nn.Module):
     def windows(self, image: Tensor) -> list[Tensor]:
         """One window of every scale, finest first; the last is the whole picture."""
         self.taken += int(self.training)
-        place = [math.fmod(0.5 + a * self.taken.item(), 1) if self.training else 0.5 for a in R2]
+        taken = self.taken.item() if self.training else 0
+        place = [math.fmod(0.5 + step * taken, 1) for step in STEPS]
         found = []
         for k in range(len(self.scales)):
             x = F.avg_pool2d(image, 2**k) if k else image
