@@ -71,7 +71,8 @@ ARMS: dict[str, tuple[str, dict[str, Any]]] = {
     "plastic": ("plastic", {"maps": 1000, "renderings": 5000}),
     "woodreal": ("wood", {"maps": 2000, "renderings": 2000}),
 }
-SCORED, UNSEEN, SIZE, SHOWN = 500, 2**40, 64, 10
+SCORED, SIZE, SHOWN = 500, 64, 10
+UNSEEN = 2**41  # not the 2**40 of `unproject evaluate`, on which the recipe was chosen
 PICTURES = 5 * 10**4  # seeds of what is photographed
 
 
