@@ -23,6 +23,7 @@ from unproject.data import observe
 from unproject.metrics import patch_distance
 from unproject.ops.maps import MAPS, pack_maps, unpack_maps
 from unproject.recipes.materials import SEEN_FROM, WORLDS, natural_light, way_of
+from unproject.training.run_directory import environment
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "materials"
 SAMPLES, SIZE, HERE, ELSEWHERE = 32, 64, 2**40, 2**40 + 1
@@ -35,7 +36,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     light = natural_light([*SEEN_FROM], None)
     table = {world: {look: told_apart(world, look, light, options.n) for look in SEEN_FROM} for world in options.worlds}
-    write(RESULTS / "told-apart.json", {"n": options.n, "samples": SAMPLES, "distances": table})
+    about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
+    write(RESULTS / "told-apart.json", about | {"distances": table})
     columns = ("none", *MAPS, "all")
     print("| world | seen | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 2) + "|")
     for world, rows in table.items():
