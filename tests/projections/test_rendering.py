@@ -11,6 +11,7 @@ from torch import Tensor
 import unproject as up
 from unproject._random import generator_at
 from unproject._types import UserError
+from unproject.data import correlated
 from unproject.ops.exposure import develop
 from unproject.ops.maps import check_maps, pack_maps, unpack_maps
 from unproject.ops.microfacet import Reflection
@@ -68,6 +69,33 @@ def test_the_camera_stands_at_the_bottom_edge() -> None:
     assert opposite > 100 * same_side
     turned = look(x, view=angle(45), view_azimuth=angle(0), light=angle(45), light_azimuth=angle(180))[0, 0, 16, 16]
     assert turned.item() == pytest.approx(opposite.item(), rel=1e-4)
+
+
+def test_three_coloured_lamps_are_three_pictures_by_one_lamp() -> None:
+    x = torch.rand(2, 8, 4, 4) * 0.5 + 0.2
+    theta = {"view": torch.full((2,), 0.1), "light": torch.tensor([0.3, 0.8])}
+    around = torch.tensor([3.0, -1.0])
+    seen = linear("coloured")(x, **theta, light_azimuth=around)
+    for k in range(3):
+        one = linear("directional")(x, **theta, light_azimuth=around + k * 2 * math.pi / 3)
+        torch.testing.assert_close(seen[:, k], one[:, k], atol=1e-6, rtol=1e-5)
+
+
+def test_coloured_lamps_tell_whether_relief_goes_with_albedo() -> None:
+    """From the left in red, from the right in green and blue: what red has more of rises to the right."""
+    maps = unpack_maps(correlated(8, 32, 0))
+    found = []
+    for look in ("coloured", "directional"):
+        rendering = Rendering(look, Reflection("albedo"))
+        for normal in (maps["normal"], maps["normal"].roll(1, 0)):
+            theta = {"view": torch.zeros(8), "light": torch.full((8,), 0.8), "light_azimuth": torch.full((8,), math.pi)}
+            seen = rendering(maps | {"normal": normal}, **theta).clamp(min=0.01).log()
+            more = seen[:, 0] - seen[:, 1:].mean(1) if look == "coloured" else seen.mean(1)
+            rising = seen.mean(1).roll(-1, 2) - seen.mean(1).roll(1, 2)
+            pairs = zip(more[:, :, 1:-1].flatten(1), rising[:, :, 1:-1].flatten(1), strict=True)
+            found.append(torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in pairs]).mean().item())
+    assert found[0] > 0.25
+    assert max(abs(value) for value in found[1:]) < 0.1
 
 
 def test_normals_lean_as_they_say() -> None:
@@ -172,6 +200,11 @@ def test_an_observation_draws_what_its_light_takes() -> None:
     assert straight["light"].abs().max() == 0
     anywhere = rendering_prior(Rendering("directional"), 0.0).sample(4000, rng)["light"]
     assert anywhere.cos().mean().item() == pytest.approx((1 + math.cos(math.radians(80))) / 2, abs=0.02)
+    for look in ("directional", "coloured"):
+        drawn = rendering_prior(Rendering(look), 0.0, 1.0, 0.1, light_azimuth=2.0).sample(500, rng)
+        for name, middle in (("light", 1.0), ("light_azimuth", 2.0)):
+            off = drawn[name] - middle
+            assert -0.1 <= off.min() < -0.09 and 0.09 < off.max() <= 0.1
 
 
 @pytest.mark.parametrize(

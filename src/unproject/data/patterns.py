@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from ..ops.maps import normals_of
 from .material_sets import linear_from_srgb
 
 
@@ -78,11 +79,8 @@ def scratches(drawn: Tensor, size: int, longest: float = 0.35, spread: float = m
 
 
 def normals(height: Tensor) -> Tensor:
-    """(B, 3, H, W) unit normals (-h_x, -h_y, 1) of a height (B, H, W) that repeats itself, by central differences."""
-    size = height.shape[-1]
-    h_x = (height.roll(-1, 2) - height.roll(1, 2)) * (size / 2)
-    h_y = (height.roll(1, 1) - height.roll(-1, 1)) * (size / 2)
-    return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
+    """(B, 3, H, W) unit normals of a height (B, H, W), in widths of a tile that repeats itself."""
+    return normals_of(height * height.shape[-1])
 
 
 def colours(srgb: Sequence[tuple[float, float, float]], which: Tensor) -> Tensor:

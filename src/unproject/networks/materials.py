@@ -1,9 +1,10 @@
 """Generators of materials: four maps (B, 8, H, W) from one code, by branches that share their first levels.
 
-    k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c),  n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|
+    k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c)
 
 with a scale factor s of each albedo and of the roughness for the whole material: what differs most between materials is
-said once, and the maps keep to their own variation. The normal's z is positive, so no normal points into the surface.
+said once, and the maps keep to their own variation. Normals are either drawn, n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|,
+or those of a height with a factor of its own. Their z is positive, so none points into the surface.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..ops.maps import MAPS, pack_maps
+from ..ops.maps import MAPS, normals_of, pack_maps
 from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
 
@@ -20,36 +21,42 @@ SCALED = ("diffuse", "specular", "roughness")
 LEAST_Z = 0.05
 LEAST_ROUGHNESS = 5e-3
 START = 4  # places a side
-FIRST = {"diffuse": (-0.8,) * 3, "specular": (-3.0,), "roughness": (-0.8,), "normal": (0.0, 0.0, 3.0)}
-"""Where modern training starts: a flat dielectric, k_d and m = 0.31, k_s = 0.05."""
+RELIEF = 0.1  # texels of height that 1 stands for before training
+FIRST = {"diffuse": (-0.8,) * 3, "specular": (-3.0,), "roughness": (-0.8,), "normal": (0.0,)}
+"""Where modern training starts: a nearly flat dielectric, k_d and m = 0.31, k_s = 0.05."""
 
 
 class MaterialGenerator(Generator):
-    """What both have in common: maps from four branches' outputs and three scale factors.
+    """What both have in common: maps from four branches' outputs and scale factors.
 
     Args:
         code_size: length of a code.
         vector: how many of its entries, the first ones, the scale factors hear; all unless given.
+        relief: whether the last branch draws a height, which has a scale factor too; else normals.
     """
 
-    def __init__(self, code_size: int, vector: int | None = None) -> None:
+    def __init__(self, code_size: int, vector: int | None = None, relief: bool = False) -> None:
         super().__init__(code_size)
         self.vector = vector or code_size
-        self.scales = nn.Linear(self.vector, len(SCALED))
+        self.relief = relief
+        self.scales = nn.Linear(self.vector, len(SCALED) + int(relief))
         nn.init.normal_(self.scales.weight, std=0.1 * self.vector**-0.5)
         nn.init.constant_(self.scales.bias, 0.5413)  # softplus of it is 1
 
     def maps(self, vector: Tensor, drawn: dict[str, Tensor]) -> Tensor:
         """Maps (B, 8, H, W) of what the branches drew, before their sigmoids."""
         scale = F.softplus(self.scales(vector))[:, :, None, None, None]
-        named = {name: torch.sigmoid(values.float()) for name, values in drawn.items()}
-        for k, name in enumerate(SCALED):
-            named[name] = named[name] * scale[:, k]
+        named = {name: torch.sigmoid(drawn[name].float()) * scale[:, k] for k, name in enumerate(SCALED)}
         named["roughness"] = named["roughness"] + LEAST_ROUGHNESS
-        n = named["normal"]
-        n = torch.cat([2 * n[:, :2] - 1, n[:, 2:] + LEAST_Z], 1)
-        named["normal"] = n / n.square().sum(1, keepdim=True).sqrt()
+        last = drawn["normal"].float()
+        named["normal"] = normals_of((RELIEF * scale[:, -1] * last)[:, 0]) if self.relief else _normals(last)
         return pack_maps(named)
+
+
+def _normals(drawn: Tensor) -> Tensor:
+    n = torch.sigmoid(drawn)
+    n = torch.cat([2 * n[:, :2] - 1, n[:, 2:] + LEAST_Z], 1)
+    return n / n.square().sum(1, keepdim=True).sqrt()
 
 
 class DCGANMaterials(MaterialGenerator):
@@ -105,7 +112,8 @@ class StationaryMaterials(MaterialGenerator):
     too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
     map and drawn from it: the same code gives the same material, and a moving vector a material that changes smoothly.
     A level mixes several independent sources of noise, so that maps may have nothing to do with one another. The last
-    doubling is a sub-pixel convolution. No level looks at other materials of the batch: one is the same in training as
+    doubling is a sub-pixel convolution. Normals are those of a height: relief has the same phase as what it goes with,
+    and no bump that cannot be. No level looks at other materials of the batch: one is the same in training as
     when it is sampled.
 
     Args:
@@ -132,7 +140,7 @@ class StationaryMaterials(MaterialGenerator):
         shared: int = 3,
         least: int = 48,
     ) -> None:
-        super().__init__(code_size + places * START**2, vector=code_size)
+        super().__init__(code_size + places * START**2, vector=code_size, relief=True)
         levels, hidden = upsampling_levels(size) - 1, 128
         shared = min(shared, levels)
         self.mapping = nn.Sequential(

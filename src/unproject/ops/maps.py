@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
@@ -33,6 +34,16 @@ def kind_of(things: Tensor) -> Literal["image", "maps", "volume"]:
 def luminance(colour: Tensor) -> Tensor:
     """(..., 1, H, W) of linear colours (..., 3, H, W)."""
     return (colour * colour.new_tensor(LUMINANCE)[:, None, None]).sum(-3, keepdim=True)
+
+
+def normals_of(height: Tensor) -> Tensor:
+    """(B, 3, H, W) unit normals (-h_x, -h_y, 1) of a height (B, H, W) in texels that repeats itself.
+
+    h_x and h_y are central differences, y up.
+    """
+    h_x = (height.roll(-1, 2) - height.roll(1, 2)) / 2
+    h_y = (height.roll(1, 1) - height.roll(-1, 1)) / 2
+    return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
 
 
 def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:

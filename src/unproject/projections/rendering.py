@@ -25,6 +25,8 @@ from .selection import as_maps
 
 FRONT = -math.pi / 2  # the camera stands at the picture's bottom edge
 SPREAD = math.radians(5)
+DIRECTED = ("directional", "coloured")
+THIRD = 2 * math.pi / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,9 @@ class Rendering(Projection):
     ones: the same number gives the same picture.
 
     Attributes:
-        lighting: "ambient", radiance 1 from everywhere; "directional", irradiance π on a plane that faces it; or
+        lighting: "ambient", radiance 1 from everywhere; "directional", irradiance π on a plane that faces it;
+            "coloured", three of these, a red one where `light_azimuth` says, a green one 120° and a blue one 240° on:
+            shading, which differs between the colours, is told from albedo, and one photograph shows the relief; or
             environments (K, 3, H, W), lat-long, the top row at the normal.
         reflection: how specular albedos are meant (`ops.microfacet.Reflection`).
         sampling: how many samples, which and which gradient (`ops.shading.Sampling`).
@@ -64,9 +68,10 @@ class Rendering(Projection):
 
     def __post_init__(self) -> None:
         if isinstance(self.lighting, str):
-            if self.lighting not in ("ambient", "directional"):
+            if self.lighting not in ("ambient", *DIRECTED):
                 raise UserError(
-                    f"Rendering(lighting={self.lighting!r}): give 'ambient', 'directional' or environments (K, 3, H, W)"
+                    f"Rendering(lighting={self.lighting!r}): give 'ambient', 'directional', 'coloured' or environments "
+                    "(K, 3, H, W)"
                 )
         elif not isinstance(self.lighting, Tensor) or not self.lighting.is_floating_point():
             raise UserError("Rendering: environments are a float tensor (K, 3, H, W), linear radiance")
@@ -87,7 +92,7 @@ class Rendering(Projection):
         return (
             "view",
             "view_azimuth",
-            *(("light", "light_azimuth") if self.lighting == "directional" else ("jitter",)),
+            *(("light", "light_azimuth") if self.lighting in DIRECTED else ("jitter",)),
         )
 
     def forward(  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -125,7 +130,11 @@ class Rendering(Projection):
         self, x: Tensor, view: Tensor, azimuth: Tensor, light: Tensor, around: Tensor, probe: Tensor, jitter: Tensor
     ) -> Tensor:
         camera = to_camera(view, azimuth, self.distance, *x.shape[2:])
-        radiance = shade_fast(x, camera, self._light(light, around, probe), self.reflection, self.sampling, jitter)
+        lights = [self._light(light, around, probe)]
+        if self.lighting == "coloured":
+            lights = [self._light(light, around + k * THIRD, probe) for k in range(3)]
+        seen = [shade_fast(x, camera, one, self.reflection, self.sampling, jitter) for one in lights]
+        radiance = seen[0] if len(seen) == 1 else torch.stack([seen[k][:, k] for k in range(3)], 1)
         if self.space == "image":
             radiance = photograph(radiance, view, azimuth, self.distance, self.repeat)
         return develop(radiance) if self.developed else radiance
@@ -134,20 +143,32 @@ class Rendering(Projection):
         if self.environments is not None:
             table, running = (part.to(light) for part in self.environments)
             return Environment(Environments(table, running), probe.long().clamp(0, len(table) - 1), light)
-        return Directional(towards(light, around)) if self.lighting == "directional" else Ambient()
+        return Directional(towards(light, around)) if self.lighting in DIRECTED else Ambient()
 
 
-def rendering_prior(rendering: Rendering, view: float, light: float | None = None, spread: float = SPREAD) -> Prior:
+def rendering_prior(
+    rendering: Rendering,
+    view: float,
+    light: float | None = None,
+    spread: float = SPREAD,
+    light_azimuth: float | None = None,
+) -> Prior:
     """Views within `spread` of `view` from the picture's bottom edge, and the light drawn as it comes.
 
     Natural light is any of the environments turned at random; directional light comes from within `light` radians of
-    the normal, evenly over the sphere: 0 is normal incidence, None the hemisphere down to 80°.
+    the normal, evenly over the sphere: 0 is normal incidence, None the hemisphere down to 80°. With `light_azimuth` it
+    stands there, within `spread` of `light` from the normal and of that azimuth; with three lamps, the red one.
     """
     factors: list[Prior] = [Uniform("view", view - spread, view + spread), Uniform("view_azimuth", FRONT, FRONT)]
     if rendering.environments is not None:
         count = len(rendering.environments.table)
         factors += [Uniform("light", 0, 2 * math.pi), Uniform("probe", 0, count), Uniform("jitter", 0, 1)]
-    elif rendering.lighting == "directional":
+    elif rendering.lighting in DIRECTED and light is not None and light_azimuth is not None:
+        factors += [
+            Uniform(name, angle - spread, angle + spread)
+            for name, angle in (("light", light), ("light_azimuth", light_azimuth))
+        ]
+    elif rendering.lighting in DIRECTED:
         factors.append(Cap("light", "light_azimuth", math.radians(80) if light is None else light))
     else:
         factors.append(Uniform("jitter", 0, 1))

@@ -11,6 +11,8 @@ top          a photograph from 0 ± 5° of the normal under natural light
 grazing      a photograph from 80 ± 5° under natural light
 flash        from the top, directional light at normal incidence
 lamp         from the top, directional light from anywhere above
+raking       from the top, directional light from the left, 60 ± 5° from the normal
+coloured     from the top, three lamps 45 ± 5° from the normal: red at the left, then, to the left too, green and blue
 ambient      from the top, constant light
 ============ =====================================================================================
 """
@@ -59,7 +61,9 @@ from ..training.recipe import Adam, Recipe
 
 World = Callable[[int, int, int], Tensor]
 Views = Literal["known", "direct"]
-SEEN_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "ambient": 0.0}
+SEEN_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "raking": 0.0, "coloured": 0.0, "ambient": 0.0}
+STANDING = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(45), math.pi)}
+"""From the normal, and around it, of lamps that stand where they are."""
 ENLARGED = 4  # folders of textures are read at so many times the size of what is cut out of them
 
 
@@ -255,10 +259,12 @@ def way_of(name: str, natural: Tensor | None, samples: int) -> Observation:
         return Observation(name, Selection(name), Product())
     if name not in SEEN_FROM:
         raise UserError(f"looks: there is no observation {name!r}; choose from {', '.join((*MAPS, *SEEN_FROM))}")
-    lighting = {"flash": "directional", "lamp": "directional", "ambient": "ambient"}.get(name, natural)
+    hard = dict.fromkeys(("flash", "lamp", "raking"), "directional")
+    lighting = {**hard, "coloured": "coloured", "ambient": "ambient"}.get(name, natural)
     assert lighting is not None
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
-    prior = rendering_prior(rendering, math.radians(SEEN_FROM[name]), 0.0 if name == "flash" else None)
+    light, azimuth = ({"flash": (0.0, None)} | STANDING).get(name, (None, None))
+    prior = rendering_prior(rendering, math.radians(SEEN_FROM[name]), light, light_azimuth=azimuth)
     return Observation(name, rendering, prior)
 
 
