@@ -88,6 +88,23 @@ def test_a_stationary_generator_has_no_origin() -> None:
         assert (generator(shifted) - generator(code)).abs().max() > 1e-3
 
 
+def test_no_lattice_can_be_learned() -> None:
+    """What the last convolution adds to one of the four that become a channel's neighbours, each of them gets."""
+    generator = made("stationary").eval()
+    before = generator.sample(2, seed=0)
+    for branch in generator.branches.values():  # pyright: ignore
+        branch[-1].bias.data += torch.tensor([1.0, -1.0, 0.5, -0.5]).repeat(len(branch[-1].bias) // 4)
+    torch.testing.assert_close(generator.sample(2, seed=0), before, atol=1e-5, rtol=0)
+
+
+def test_relief_is_that_of_a_height() -> None:
+    """Slopes of a height have no curl: with central differences, exactly."""
+    slopes = made("stationary").sample(3, seed=1)[:, 5:].double()
+    slope_x, slope_y = (-slopes[:, k] / slopes[:, 2] for k in range(2))
+    curl = (slope_x.roll(1, 1) - slope_x.roll(-1, 1)) - (slope_y.roll(-1, 2) - slope_y.roll(1, 2))
+    assert slope_x.std() > 1e-3 and curl.abs().max() < 1e-5
+
+
 def test_a_moving_vector_moves_no_noise() -> None:
     """A material changes smoothly with its vector, and is another one with another map of places."""
     generator = made("stationary").eval()

@@ -171,7 +171,7 @@ class StationaryMaterials(MaterialGenerator):
             for level in list(branch)[:-1]:  # pyright: ignore[reportArgumentType]
                 y = level(y, hidden, places, noise)
             last = branch[-1](tiled(y, 1))  # pyright: ignore[reportIndexIssue]
-            drawn[name] = F.pixel_shuffle(last, 2).contiguous()
+            drawn[name] = F.pixel_shuffle(without_lattice(last), 2).contiguous()
         return self.maps(vector, drawn)
 
 
@@ -201,6 +201,16 @@ class TilingLevel(nn.Module):
         x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
         x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise[size], self.strength[:, :, None, None])
         return F.relu(self.norm(x, hidden))
+
+
+def without_lattice(x: Tensor) -> Tensor:
+    """(B, 4 C, H, W) for a sub-pixel shuffle, the means over places of each four that make one channel made equal.
+
+    Else a constant difference of neighbours is easily learned, and seen as a lattice over the whole picture.
+    """
+    mean = x.mean((2, 3), keepdim=True)
+    each = mean.view(len(x), -1, 4, 1, 1)
+    return x - (each - each.mean(2, keepdim=True)).view_as(mean)
 
 
 def tiled(x: Tensor, border: int) -> Tensor:
