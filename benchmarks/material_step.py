@@ -2,7 +2,7 @@
 
     python benchmarks/material_step.py --steps 40 --threads 1
 
-Of the six-projection recipe, with the seed's renderings (natural light, top and grazing) and with flash and lamp.
+Of the six-projection recipe, with the seed's renderings (natural light, top and grazing) and with flash and coloured lamps.
 Rendering is timed where it happens: the projection's call and, through hooks on its result and its argument, the way
 back. Medians over steps, of the clock on the wall.
 """
@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(options.threads)
     print("| renderings | step | generator | looking | discriminators' update | rendering, both ways | its share |")
     print("|---" * 7 + "|")
-    for renderings in (("top", "grazing"), ("flash", "lamp")):
+    for renderings in (("top", "grazing"), ("flash", "coloured")):
         found = {name: median(values[WARM:]) for name, values in profile(renderings, options).items()}
         cells = [f"{found[name]:.3f} s" for name in ("step", *PARTS.values(), "rendering")]
         print(f"| {', '.join(renderings)} | " + " | ".join(cells) + f" | {found['rendering'] / found['step']:.0%} |")

@@ -83,6 +83,7 @@ def materials(
     seed: int = 0,
     batch: int = 8,
     channels: int = 128,
+    shared: int = 3,
     judge: int = 16,
     rate: float = 1.5e-3,
     gamma: float = 0.5,
@@ -96,7 +97,7 @@ def materials(
             which patches are seen through `looks`; the embedded world unless given.
         views: known, or direct: one discriminator of all maps at once, with as many images in all.
         looks: the observations, by name; unless given, those that `data` has sub-folders for, or the four maps, flash
-            and lamp: what hard light shows of how the maps go together, light from everywhere hides.
+            and coloured: what hard light shows of how the maps go together, light from everywhere hides.
         maps: how many samples each map has.
         renderings: how many pictures each kind of photograph has.
         probes: natural light: a folder, an .npz or one file; five built in unless given.
@@ -107,6 +108,7 @@ def materials(
         seed: of the weights, of every draw, and of the collections.
         batch: materials an update.
         channels: of the generator's 4² level.
+        shared: levels that the four maps are made by together: 3 where they have common causes, 1 where they hardly do.
         judge: channels of the discriminators' first level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
@@ -115,7 +117,7 @@ def materials(
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
     source = source_of(world, data, size, seed)
     return Recipe(
-        generator=partial(StationaryMaterials, size=size, channels=channels),
+        generator=partial(StationaryMaterials, size=size, channels=channels, shared=shared),
         discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
         looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples),
         loss=Relativistic(),
@@ -214,9 +216,9 @@ def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
 
 
 def looks_of(data: Path | None) -> tuple[str, ...]:
-    """The observations that `data` has sub-folders for, if it has any; else the maps, flash and lamp."""
+    """The observations that `data` has sub-folders for, if it has any; else the maps, flash and coloured."""
     found = () if data is None else tuple(name for name in (*MAPS, *SEEN_FROM) if holds_sightings(data, (name,)))
-    return found or (*MAPS, "flash", "lamp")
+    return found or (*MAPS, "flash", "coloured")
 
 
 def pairs_of(
