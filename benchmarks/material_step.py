@@ -2,7 +2,8 @@
 
     python benchmarks/material_step.py --steps 40 --threads 1
 
-Of the six-projection recipe, with the seed's renderings (natural light, top and grazing) and with flash and coloured lamps.
+Of the six-projection recipe, with the seed's renderings (natural light, top and grazing) and with flash and coloured
+lamps.
 Rendering is timed where it happens: the projection's call and, through hooks on its result and its argument, the way
 back. Medians over steps, of the clock on the wall.
 """

@@ -3,8 +3,8 @@
     k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c)
 
 with a scale factor s of each albedo and of the roughness for the whole material: what differs most between materials is
-said once, and the maps keep to their own variation. Normals are either drawn, n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|,
-or those of a height with a factor of its own. Their z is positive, so none points into the surface.
+said once, and the maps keep to their own variation. Normals are drawn, n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|, or
+those of a height with a factor of its own. Their z is positive, so none points into the surface.
 """
 
 from __future__ import annotations
