@@ -75,6 +75,7 @@ PRIORS = {
     "azimuth-elevation": azimuth_elevation_bins()[23].prior,
     "cap": Cap("light", "light_azimuth", 1.2),
     "pole": Cap("light", "light_azimuth", 0.0),
+    "lamp": rendering_prior(Rendering("coloured"), 0.0, 0.8, light_azimuth=3.0),
     "photograph": photographs(torch.rand(2, 3, 8, 16, generator=generator_at(0)))[1].prior,
 }
 PROBES = torch.rand(2, 3, 8, 16, generator=generator_at(0), dtype=torch.float64)
@@ -86,7 +87,7 @@ RENDERINGS = {
         space=space,  # pyright: ignore[reportArgumentType]
         developed=developed,
     )
-    for name, lighting in (("ambient", "ambient"), ("directional", "directional"), ("natural", PROBES))
+    for name, lighting in (*((name, name) for name in ("ambient", "directional", "coloured")), ("natural", PROBES))
     for fresnel, shadowing, space, developed in (
         ("eta", "smith", "texture", True),
         ("albedo", "smith", "texture", False),

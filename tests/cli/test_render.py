@@ -44,8 +44,9 @@ def test_white_paper_is_one(maps: Path, tmp_path: Path) -> None:
         assert radiance.shape == (12, 12, 3) and radiance.dtype == np.float32
         np.testing.assert_allclose(radiance, 1, atol=1e-2)
         assert radiance.mean() == pytest.approx(1, abs=1e-3)
-    assert render(maps, "--light", "directional:60", "--out", tmp_path / "a.npy") == 0
-    np.testing.assert_allclose(np.load(tmp_path / "a.npy"), 0.5, atol=1e-4)
+    for light in ("directional:60", "coloured:60,30"):
+        assert render(maps, "--light", light, "--out", tmp_path / "a.npy") == 0
+        np.testing.assert_allclose(np.load(tmp_path / "a.npy"), 0.5, atol=1e-4)
 
 
 def test_pictures_and_strips(maps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ VERBS = {
     "sample": "draw new shapes from a run into an .npz file",
     "evaluate": "score a run",
     "export": "write meshes, contact sheets and turntables of new shapes, or maps of materials",
-    "render": "render the maps of a material under natural, directional or ambient light",
+    "render": "render the maps of a material under natural, directional, coloured or ambient light",
     "recipes": "list the recipes, or show one",
     "check": "test a projection, prior, observation or generator of your own against the laws",
     "data": "see what a folder of pictures will be used as",

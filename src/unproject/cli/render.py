@@ -1,4 +1,4 @@
-"""`unproject render MAPS --view θ[,φ] --light env:FILE|directional:θ,φ|ambient --out F.(png|npy|gif)`."""
+"""`unproject render MAPS --view θ[,φ] --light env:FILE|directional:θ,φ|coloured:θ,φ|ambient --out F.(png|npy|gif)`."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def run(
         maps: An .npz as `unproject sample` writes it, or a folder of textures as ambientCG and Poly Haven name them.
         out: A .png or .gif, exposed, with gamma 2.2; or an .npy of linear radiance (H, W, 3), (N, H, W, 3) of several.
         view: The camera's angle from the normal and, after a comma, its azimuth: -90, the bottom edge, unless given.
-        light: env:FILE (.hdr, .exr or .npy), env:NAME (sky, overcast, studio, window, night), directional:ANGLE,AZIMUTH
-            or ambient.
+        light: env:FILE (.hdr, .exr or .npy), env:NAME (sky, overcast, studio, window, night), ambient,
+            directional:ANGLE,AZIMUTH or coloured:ANGLE,AZIMUTH (red from there, green and blue 120 and 240 degrees on).
         samples: Samples a pixel, for natural and ambient light.
         seed: Which samples: the same seed gives the same picture.
         eta: The index of refraction, for --fresnel eta.
@@ -104,12 +104,12 @@ def _light(text: str) -> tuple[str | Tensor, dict[str, float]]:
     kind, _, rest = text.partition(":")
     if kind == "ambient" and not rest:
         return "ambient", {}
-    if kind == "directional" and rest:
-        theta, phi = _angles("--light directional:", rest, "directional:45,90", 0.0)
-        return "directional", {"light": math.radians(theta), "light_azimuth": math.radians(phi)}
+    if kind in ("directional", "coloured") and rest:
+        theta, phi = _angles(f"--light {kind}:", rest, f"{kind}:45,90", 0.0)
+        return kind, {"light": math.radians(theta), "light_azimuth": math.radians(phi)}
     if kind == "env" and rest:
         return _environment(rest), {"light": 0.0, "probe": 0.0}
-    raise UserError(f"--light {text}: give env:FILE, env:NAME, directional:ANGLE,AZIMUTH or ambient")
+    raise UserError(f"--light {text}: give env:FILE, env:NAME, directional:ANGLE,AZIMUTH, coloured:… or ambient")
 
 
 def _environment(name: str) -> Tensor:
