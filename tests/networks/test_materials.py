@@ -74,6 +74,19 @@ def test_noise_is_white_and_a_function_of_the_code() -> None:
     assert abs((image[:, 1:] * image[:, :-1]).mean()) < 0.06 and abs((image[1:] * image[:-1]).mean()) < 0.06
 
 
+def test_half_of_the_noise_is_grain() -> None:
+    """Down and across, from end to end and for a quarter of the side; of deviation 1, and it tiles."""
+    x = noise_of(torch.randn(40, 10, generator=generator_at(3)), 32, 8)
+    assert torch.equal(x[:, :4], noise_of(torch.randn(40, 10, generator=generator_at(3)), 32, 8)[:, :4])
+    assert torch.equal(x[:, 4], x[:, 4, :1].expand_as(x[:, 4]))
+    assert torch.equal(x[:, 5], x[:, 5, :, :1].expand_as(x[:, 5]))
+    torch.testing.assert_close(x.std((0, 2, 3)), torch.ones(8), atol=0.05, rtol=0)
+    for k, axis in ((6, 1), (7, 2)):
+        for along, expected in ((axis, 7 / 8), (3 - axis, 0.0)):
+            neighbour = (x[:, k] * x[:, k].roll(1, along)).mean().item()  # over the border too
+            assert neighbour == pytest.approx(expected, abs=0.06)
+
+
 def test_a_stationary_generator_has_no_origin() -> None:
     """Its map of places shifted by one: the same material shifted by a quarter, if no level adds noise."""
     generator = made("stationary").eval()

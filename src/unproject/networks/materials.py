@@ -18,6 +18,8 @@ from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
 
 SCALED = ("diffuse", "specular", "roughness")
+GRAIN = (*[(1, 0.0)] * 4, (1, 1.0), (2, 1.0), (1, 0.25), (2, 0.25))
+"""Along which axis, and how far, each of eight sources of noise is stretched: down, across; to the end, a quarter."""
 LEAST_Z = 0.05
 LEAST_ROUGHNESS = 5e-3
 START = 4  # places a side
@@ -219,11 +221,22 @@ def tiled(x: Tensor, border: int) -> Tensor:
 
 
 def noise_of(code: Tensor, size: int, sources: int = 1) -> Tensor:
-    """(B, sources, size, size), nearly N(0, 1) and nearly white: a function of the code, so that samples repeat.
+    """(B, sources, size, size), nearly N(0, 1): a function of the code, so that samples repeat.
 
-    frac(sin) of the pixel's number and the code, as shaders draw noise, brought to mean 0 and deviation 1.
+    frac(sin) of the pixel's number and the code, as shaders draw noise, brought to mean 0 and deviation 1. Of each
+    eight sources the first four are nearly white; the others are `GRAIN`, which convolutions of three pixels could not
+    make of white noise: grooves and the joints of boards, which go on from end to end, and fibres.
     """
     seed = code.detach().double()[:, :2].sum(1) * 1e3
     pixel = torch.arange(sources * size * size, dtype=torch.float64, device=code.device)
     raw = torch.frac(torch.sin((pixel + 1) * 12.9898 + seed[:, None] * 78.233).abs() * 43758.5453)
-    return ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
+    white = ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
+    return torch.stack([_stretched(x, *GRAIN[k % len(GRAIN)]) for k, x in enumerate(white.unbind(1))], 1)
+
+
+def _stretched(x: Tensor, axis: int, share: float) -> Tensor:
+    """White noise (B, S, S) averaged along an axis over so much of the side, of deviation 1 again."""
+    if share == 1:
+        return x.narrow(axis, 0, 1).expand_as(x)
+    n = max(1, round(share * x.shape[axis]))
+    return torch.stack([x.roll(k, axis) for k in range(n)]).sum(0) * n**-0.5
