@@ -1,6 +1,6 @@
 """The seed's Figs. 7 to 11: what a generator of materials learns from which observations, side by side.
 
-    python benchmarks/materials.py --steps 1300 --seeds 2 --parallel 2 --threads 1
+    python benchmarks/materials.py --steps 1000 --seeds 2 --parallel 2 --threads 1
 
 ====================== =================================================================================================
 arm                    learned from
@@ -79,7 +79,7 @@ PICTURES = 5 * 10**4  # seeds of what is photographed
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="shared/data: real probes and sets")
-    parser.add_argument("--steps", type=int, default=1300)
+    parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--parallel", type=int, default=1, help="runs at a time")
     parser.add_argument("--threads", type=int, default=2, help="threads a run")

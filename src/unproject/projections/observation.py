@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -16,17 +17,22 @@ from .priors import Prior
 class Observation:
     """A name, a projection P_i and a prior p_i over its latents: y = P_i(x, θ), θ ~ p_i.
 
-    It pairs with one collection of real data and one head of the discriminator.
+    It pairs with one collection of real data and one head of the discriminator. The generator's loss counts what its
+    discriminator says `weight` times.
 
     Raises:
-        UserError: if the prior does not draw exactly the latents the projection takes.
+        UserError: if the prior does not draw exactly the latents the projection takes, or for a weight that is not
+            positive.
     """
 
     name: str
     projection: Projection
     prior: Prior
+    weight: float = 1.0
 
     def __post_init__(self) -> None:
+        if not 0 < self.weight < math.inf:
+            raise UserError(f"observation {self.name!r}: weight={self.weight:g}: must be positive")
         wanted, drawn = set(self.projection.latents), set(self.prior.names)
         if wanted != drawn:
             raise UserError(

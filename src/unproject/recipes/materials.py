@@ -87,6 +87,7 @@ def materials(
     judge: int = 16,
     rate: float = 1.5e-3,
     gamma: float = 0.5,
+    emphasis: float = 3.0,
     checkpoint_every: int = 250,
 ) -> Recipe:
     """Materials from any mix of maps and photographs; `wood`, `metal` and `plastic` are this with their world.
@@ -112,6 +113,8 @@ def materials(
         judge: channels of the discriminators' first level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
+        emphasis: how much photographs count in the loss of the generator, each map counting 1: they alone tell how maps go
+            together.
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
@@ -119,7 +122,7 @@ def materials(
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels, shared=shared),
         discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
-        looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples),
+        looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples, emphasis),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
         generator_optimiser=adam,
@@ -229,12 +232,13 @@ def pairs_of(
     renderings: int,
     probes: Path | None,
     samples: int,
+    emphasis: float = 1.0,
 ) -> list[tuple[Observation, Collection]]:
     """Each observation and what it saw; or the materials themselves, as many images in all."""
     counts = dict.fromkeys(MAPS, maps) | dict.fromkeys(SEEN_FROM, renderings)
     chosen = [name for name in dict.fromkeys(names) if counts.get(name, 1)]
     natural = natural_light(chosen, probes)
-    ways = [way_of(name, natural, samples) for name in chosen]
+    ways = [way_of(name, natural, samples, emphasis) for name in chosen]
     if not ways:
         raise UserError("looks: name at least one observation, with at least one sample")
     if views == "direct":
@@ -255,8 +259,8 @@ def natural_light(names: Sequence[str], probes: Path | None, height: int = 32) -
     return procedural_probes(height)[0] if probes is None else read_probes(probes, height)[0]
 
 
-def way_of(name: str, natural: Tensor | None, samples: int) -> Observation:
-    """The observation of this name."""
+def way_of(name: str, natural: Tensor | None, samples: int, emphasis: float = 1.0) -> Observation:
+    """The observation of this name; photographs have the weight `emphasis`."""
     if name in MAPS:
         return Observation(name, Selection(name), Product())
     if name not in SEEN_FROM:
@@ -267,14 +271,14 @@ def way_of(name: str, natural: Tensor | None, samples: int) -> Observation:
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
     light, azimuth = ({"flash": (0.0, None)} | STANDING).get(name, (None, None))
     prior = rendering_prior(rendering, math.radians(SEEN_FROM[name]), light, light_azimuth=azimuth)
-    return Observation(name, rendering, prior)
+    return Observation(name, rendering, prior, emphasis)
 
 
 def seen_by(look: Observation, pictures: Tensor) -> tuple[Observation, Collection]:
     """An observation whose results are brought to the mean and deviation of what it saw, and that, likewise."""
     brought = standardised(look.projection, pictures)
     seen = Collection.from_tensor(brought.standardise(pictures), source=f"{len(pictures)} through {look.name}")
-    return Observation(look.name, brought, look.prior), seen
+    return Observation(look.name, brought, look.prior, look.weight), seen
 
 
 def _of(function: Callable[..., Recipe], world: World, name: str) -> Callable[..., Recipe]:

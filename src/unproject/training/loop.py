@@ -193,7 +193,7 @@ class Loop:
         for batch in batches:
             with self._autocast():
                 fake = batch.judge(batch.fake)
-            total = total + self.recipe.loss.generator(batch.real_logits, fake.float())
+            total = total + batch.panel.weight * self.recipe.loss.generator(batch.real_logits, fake.float())
         extra = self.recipe.regulariser(x, progress) if self.recipe.regulariser else 0.0
         ways, optimiser = self.state.way_distribution, self.state.way_optimiser
         if isinstance(self.recipe.assignment, LearnedPrior) and ways is not None and optimiser is not None:

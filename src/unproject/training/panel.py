@@ -32,6 +32,10 @@ class Panel:
     distribution: WayDistribution | None = None
 
     @property
+    def weight(self) -> float:
+        return self.observations[0].weight
+
+    @property
     def shape(self) -> tuple[int, ...]:
         return tuple(self.items.shape[1:])
 
@@ -59,6 +63,10 @@ def build_panels(recipe: Recipe) -> list[Panel]:
     for index, (observation, collection) in enumerate(recipe.looks):
         key = (_identity(observation.projection), tuple(collection.items.shape[1:]))
         groups.setdefault(key, []).append(index)
+    for rows in groups.values():
+        if len({recipe.looks[i][0].weight for i in rows}) > 1:
+            names = ", ".join(repr(recipe.looks[i][0].name) for i in rows)
+            raise UserError(f"observations {names} share a projection and a discriminator: give them one weight")
     panels = [_panel(recipe, [recipe.looks[i] for i in rows]) for rows in groups.values()]
     if not isinstance(recipe.assignment, Known) and (len(panels) != 1 or len(recipe.looks) < 2):
         kind = type(recipe.assignment).__name__
