@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -21,6 +22,7 @@ from unproject.projections.observation import Observation
 from unproject.projections.priors import Product, Uniform
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.training import Recipe, resume, train
+from unproject.training.loop import Loop
 from unproject.training.panel import build_panels
 
 
@@ -61,6 +63,37 @@ def test_images_of_another_size_are_judged_apart() -> None:
     (observation, seen), (other, _) = recipe.looks
     small = Collection(seen.items[:, :, ::2, ::2])
     assert len(build_panels(recipe.replace(looks=[(observation, seen), (other, small)]))) == 2
+
+
+def test_an_observation_counts_as_often_as_its_weight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """loss_g = Σ_i w_i loss_i, in the first update, before which nothing differs."""
+    losses, update = [], Loop._update_generator  # pyright: ignore[reportPrivateUsage]
+
+    def spy(self: Loop, *arguments: Any) -> Tensor:
+        losses.append(update(self, *arguments))
+        return losses[-1]
+
+    monkeypatch.setattr(Loop, "_update_generator", spy)
+
+    def first_loss(*weights: float) -> float:
+        looks = [
+            (Observation(o.name, o.projection, o.prior, weight), seen)
+            for (o, seen), weight in zip(looking(Plan(), Plan(0.5)).looks, weights, strict=True)
+        ]
+        train(toy(steps=1, views="known").replace(looks=looks), tmp_path / str(weights), quiet=True)
+        return losses[-1].item()
+
+    even, first, second = first_loss(1, 1), first_loss(3, 1), first_loss(1, 3)
+    assert first + second == pytest.approx(4 * even, rel=1e-4) and abs(first - second) > 1e-4
+
+
+def test_ways_that_one_discriminator_judges_have_one_weight() -> None:
+    (first, seen), (other, also) = looking(Plan(), Plan()).looks
+    heavy = Observation(other.name, other.projection, other.prior, 2.0)
+    with pytest.raises(UserError, match="'look 0', 'look 1' share .* one weight"):
+        build_panels(looking(Plan()).replace(looks=[(first, seen), (heavy, also)]))
+    with pytest.raises(UserError, match="weight=0: must be positive"):
+        Observation("dark", Plan(), Product(), 0.0)
 
 
 def test_each_image_is_paired_with_its_own_way_of_looking() -> None:

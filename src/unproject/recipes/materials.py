@@ -113,7 +113,7 @@ def materials(
         judge: channels of the discriminators' first level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
-        emphasis: how much photographs count in the loss of the generator, each map counting 1: they alone tell how maps go
+        emphasis: how much photographs count in the loss of the generator, where a map counts 1: they tell how maps go
             together.
         checkpoint_every: steps between checkpoints.
     """
