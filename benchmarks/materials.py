@@ -189,7 +189,7 @@ def score(arm: str, seed: int, out: Path) -> None:
     """Against materials of the world that no arm has seen."""
     generator = load(out)
     found = generator.generator.sample(SCORED, seed)
-    sheet(generator.generator.sample(SHOWN, seed), RESULTS / f"{arm}-{seed}.png")
+    sheet(generator.generator.sample(SHOWN, seed), RESULTS / f"{arm}-{seed}.jpg")
     scores: dict[str, Any] = {}
     if arm != "woodreal":
         scores = scored(found, world_of(ARMS[arm][0]), seed)
@@ -223,7 +223,7 @@ def baselines(world: str) -> None:
         if not path.exists():
             scores = scored(maps, world_of(world), 0)
             write(path, {"arm": f"{arm} {world}", "scores": scores, "correlations": correlations(maps)})
-            sheet(maps[:SHOWN], RESULTS / f"{arm}-{world}.png")
+            sheet(maps[:SHOWN], RESULTS / f"{arm}-{world}.jpg")
 
 
 def sheet(maps: Tensor, path: Path) -> None:
