@@ -34,9 +34,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--n", type=int, default=300)
     parser.add_argument("--worlds", nargs="*", default=[*WORLDS])
     options = parser.parse_args(argv)
+    about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
     light = natural_light([*SEEN_FROM], None)
     table = {world: {look: told_apart(world, look, light, options.n) for look in SEEN_FROM} for world in options.worlds}
-    about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
     write(RESULTS / "told-apart.json", about | {"distances": table})
     columns = ("none", *MAPS, "all")
     print("| world | seen | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 2) + "|")

@@ -58,6 +58,16 @@ def test_any_mix_of_observations() -> None:
         wood_materials(maps=0, renderings=0, **TOY)
 
 
+def test_photographs_count_more_than_maps() -> None:
+    looks = [look for look, _ in wood_materials(maps=2, renderings=2, emphasis=2.5, **TOY).looks]
+    assert {look.name: look.weight for look in looks} == dict.fromkeys(MAPS, 1.0) | {"flash": 2.5, "coloured": 2.5}
+
+
+def test_how_many_levels_the_maps_share_is_a_choice() -> None:
+    counts = [len(wood_materials(maps=2, renderings=2, shared=n, **TOY).generator().common) for n in (0, 1)]  # pyright: ignore
+    assert counts == [0, 1]
+
+
 def test_direct_training_sees_as_many_images() -> None:
     recipe = wood_materials(views="direct", maps=6, renderings=4, **TOY)
     ((look, collection),) = recipe.looks
