@@ -109,7 +109,9 @@ def _light(text: str) -> tuple[str | Tensor, dict[str, float]]:
         return kind, {"light": math.radians(theta), "light_azimuth": math.radians(phi)}
     if kind == "env" and rest:
         return _environment(rest), {"light": 0.0, "probe": 0.0}
-    raise UserError(f"--light {text}: give env:FILE, env:NAME, directional:ANGLE,AZIMUTH, coloured:… or ambient")
+    raise UserError(
+        f"--light {text}: give env:FILE, env:NAME, directional:ANGLE,AZIMUTH, coloured:ANGLE,AZIMUTH or ambient"
+    )
 
 
 def _environment(name: str) -> Tensor:

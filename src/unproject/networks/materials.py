@@ -113,10 +113,10 @@ class StationaryMaterials(MaterialGenerator):
     place, it gives the same material, noise aside, shifted by a quarter of its width. All levels repeat themselves
     too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
     map and drawn from it: the same code gives the same material, and a moving vector a material that changes smoothly.
-    A level mixes several independent sources of noise, so that maps may have nothing to do with one another. The last
-    doubling is a sub-pixel convolution. Normals are those of a height: relief has the same phase as what it goes with,
-    and no bump that cannot be. No level looks at other materials of the batch: one is the same in training as
-    when it is sampled.
+    A level mixes several independent sources of noise, so that maps may have nothing to do with one another; half of
+    them are grain, stretched along a row or a column. The last doubling is a sub-pixel convolution. Normals are those
+    of a height: relief has the same phase as what it goes with, and no bump that cannot be. No level looks at other
+    materials of the batch: one is the same in training as when it is sampled.
 
     Args:
         size: side of the maps, 4·2^k.

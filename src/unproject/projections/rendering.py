@@ -130,11 +130,10 @@ class Rendering(Projection):
         self, x: Tensor, view: Tensor, azimuth: Tensor, light: Tensor, around: Tensor, probe: Tensor, jitter: Tensor
     ) -> Tensor:
         camera = to_camera(view, azimuth, self.distance, *x.shape[2:])
-        lights = [self._light(light, around, probe)]
-        if self.lighting == "coloured":
-            lights = [self._light(light, around + k * THIRD, probe) for k in range(3)]
+        turns = (0.0, THIRD, 2 * THIRD) if self.lighting == "coloured" else (0.0,)
+        lights = [self._light(light, around + turn, probe) for turn in turns]
         seen = [shade_fast(x, camera, one, self.reflection, self.sampling, jitter) for one in lights]
-        radiance = seen[0] if len(seen) == 1 else torch.stack([seen[k][:, k] for k in range(3)], 1)
+        radiance = torch.stack([y[:, k] for k, y in enumerate(seen)], 1) if len(seen) == 3 else seen[0]
         if self.space == "image":
             radiance = photograph(radiance, view, azimuth, self.distance, self.repeat)
         return develop(radiance) if self.developed else radiance

@@ -12,7 +12,7 @@ grazing      a photograph from 80 ± 5° under natural light
 flash        from the top, directional light at normal incidence
 lamp         from the top, directional light from anywhere above
 raking       from the top, directional light from the left, 60 ± 5° from the normal
-coloured     from the top, three lamps 45 ± 5° from the normal: red at the left, then, to the left too, green and blue
+coloured     from the top, three lamps 45 ± 5° from the normal: red at the left, green below right, blue above right
 ambient      from the top, constant light
 ============ =====================================================================================
 """
