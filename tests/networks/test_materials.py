@@ -17,7 +17,7 @@ def made(kind: str) -> Generator:
         return (
             DCGANMaterials(16, channels=32, code_size=24)
             if kind == "dcgan"
-            else StationaryMaterials(32, 24, places=3, channels=32, shared=1, least=8)
+            else StationaryMaterials(32, 24, places=3, channels=32, least=8)
         )
 
 
@@ -105,8 +105,8 @@ def test_no_lattice_can_be_learned() -> None:
     """What the last convolution adds to one of the four that become a channel's neighbours, each of them gets."""
     generator = made("stationary").eval()
     before = generator.sample(2, seed=0)
-    for branch in generator.branches.values():  # pyright: ignore
-        branch[-1].bias.data += torch.tensor([1.0, -1.0, 0.5, -0.5]).repeat(len(branch[-1].bias) // 4)
+    bias = generator.last.bias  # pyright: ignore
+    bias.data += torch.tensor([1.0, -1.0, 0.5, -0.5]).repeat(len(bias) // 4)  # pyright: ignore
     torch.testing.assert_close(generator.sample(2, seed=0), before, atol=1e-5, rtol=0)
 
 

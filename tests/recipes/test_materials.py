@@ -63,11 +63,6 @@ def test_photographs_count_more_than_maps() -> None:
     assert {look.name: look.weight for look in looks} == dict.fromkeys(MAPS, 1.0) | {"flash": 2.5, "coloured": 2.5}
 
 
-def test_how_many_levels_the_maps_share_is_a_choice() -> None:
-    counts = [len(wood_materials(maps=2, renderings=2, shared=n, **TOY).generator().common) for n in (0, 1)]  # pyright: ignore
-    assert counts == [0, 1]
-
-
 def test_direct_training_sees_as_many_images() -> None:
     recipe = wood_materials(views="direct", maps=6, renderings=4, **TOY)
     ((look, collection),) = recipe.looks

@@ -76,15 +76,42 @@ def test_an_observation_counts_as_often_as_its_weight(tmp_path: Path, monkeypatc
     monkeypatch.setattr(Loop, "_update_generator", spy)
 
     def first_loss(*weights: float) -> float:
-        looks = [
-            (Observation(o.name, o.projection, o.prior, weight), seen)
-            for (o, seen), weight in zip(looking(Plan(), Plan(0.5)).looks, weights, strict=True)
-        ]
-        train(toy(steps=1, views="known").replace(looks=looks), tmp_path / str(weights), quiet=True)
+        train(weighted(*weights), tmp_path / str(weights), quiet=True)
         return losses[-1].item()
 
     even, first, second = first_loss(1, 1), first_loss(3, 1), first_loss(1, 3)
     assert first + second == pytest.approx(4 * even, rel=1e-4) and abs(first - second) > 1e-4
+
+
+def weighted(*weights: float) -> Recipe:
+    looks = [
+        (Observation(o.name, o.projection, o.prior, weight), seen)
+        for (o, seen), weight in zip(looking(Plan(), Plan(0.5)).looks, weights, strict=True)
+    ]
+    return toy(steps=1, views="known").replace(looks=looks)
+
+
+def test_balanced_panels_pull_alike(tmp_path: Path) -> None:
+    """A first update with balance is one with weights divided by the pulls it measured, which are gradients' norms."""
+    balanced = final(train(weighted(1, 2).replace(balance=1), tmp_path / "balanced", quiet=True).path)
+    pulls = [balanced[f"panels/{k}/pull"].item() for k in range(2)]
+    assert pulls[0] != pulls[1] and min(pulls) > 0
+    plain = final(train(weighted(1 / pulls[0], 2 / pulls[1]), tmp_path / "plain", quiet=True).path)
+    assert plain["panels/0/pull"] == 1
+    moments = [name for name in plain if name.startswith("generator_optimiser") and name.endswith("exp_avg")]
+    for name in moments:
+        assert torch.allclose(plain[name], balanced[name], rtol=1e-4, atol=1e-7)
+    alone = final(train(weighted(1, 1e-9), tmp_path / "alone", quiet=True).path)
+    # The first moment is 1 - β₁ = 1 of the gradient.
+    norm = torch.cat([alone[name].flatten() for name in moments]).norm().item()
+    assert norm == pytest.approx(pulls[0], rel=1e-4)
+
+
+def test_one_panel_alone_has_nothing_to_balance(tmp_path: Path) -> None:
+    recipe = toy(steps=2, views="known")
+    assert final(train(recipe.replace(balance=1), tmp_path / "run", quiet=True).path)["panels/0/pull"] == 1
+    with pytest.raises(UserError, match="balance=-1: give steps between two measurements, or 0"):
+        recipe.replace(balance=-1)
 
 
 def test_ways_that_one_discriminator_judges_have_one_weight() -> None:
@@ -110,9 +137,10 @@ def test_each_image_is_paired_with_its_own_way_of_looking() -> None:
     assert torch.allclose(seen, expected, atol=1e-6)
 
 
-def test_several_projections_train_together_and_resume(tmp_path: Path) -> None:
+@pytest.mark.parametrize("balance", [0, 2])
+def test_several_projections_train_together_and_resume(tmp_path: Path, balance: int) -> None:
     recipe = looking(Plan(), Plan(0.5), Unequal()).replace(discriminator=lambda s, h: Discriminator(s, h, channels=4))
-    recipe = recipe.replace(checkpoint_every=2)
+    recipe = recipe.replace(checkpoint_every=2, balance=balance)
     whole = train(recipe.replace(steps=4), tmp_path / "whole", quiet=True).path
     train(recipe, tmp_path / "half", quiet=True)
     resume(recipe.replace(steps=4), tmp_path / "half", quiet=True)

@@ -1,4 +1,4 @@
-"""Generators of materials: four maps (B, 8, H, W) from one code, by branches that share their first levels.
+"""Generators of materials: four maps (B, 8, H, W) from one code, by branches that share what comes before them.
 
     k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c)
 
@@ -114,9 +114,11 @@ class StationaryMaterials(MaterialGenerator):
     too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
     map and drawn from it: the same code gives the same material, and a moving vector a material that changes smoothly.
     A level mixes several independent sources of noise, so that maps may have nothing to do with one another; half of
-    them are grain, stretched along a row or a column. The last doubling is a sub-pixel convolution. Normals are those
-    of a height: relief has the same phase as what it goes with, and no bump that cannot be. No level looks at other
-    materials of the batch: one is the same in training as when it is sampled.
+    them are grain, stretched along a row or a column. The last doubling is a sub-pixel convolution to fields, what
+    there is at each pixel, and each map is a function of the fields there and of the vector, no more: what causes one
+    causes the others, and goes with it in the same way at all scales, so that what photographs tell of the coarse ones
+    holds for the finest. Normals are those of a height: relief has the same phase as what it goes with, and no bump
+    that cannot be. No level looks at other materials of the batch: one is the same in training as when it is sampled.
 
     Args:
         size: side of the maps, 4·2^k.
@@ -124,7 +126,7 @@ class StationaryMaterials(MaterialGenerator):
         places: channels of the map of 4² places.
         channels: at 4²; halved with every level, to `least` at least.
         sources: of noise, a level.
-        shared: levels that the branches share, of those before the sub-pixel convolution, which each has of its own.
+        fields: channels at full size.
 
     References:
         Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from).
@@ -139,24 +141,21 @@ class StationaryMaterials(MaterialGenerator):
         places: int = 8,
         channels: int = 128,
         sources: int = 8,
-        shared: int = 3,
+        fields: int = 16,
         least: int = 48,
     ) -> None:
         super().__init__(code_size + places * START**2, vector=code_size, relief=True)
         levels, hidden = upsampling_levels(size) - 1, 128
-        shared = min(shared, levels)
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
         widths = [channels, *[max(channels // 2 ** (i + 1), least) for i in range(levels)]]
         self.start = nn.Conv2d(places, channels, 3, bias=False)
         self.first = ModulatedScale(hidden, channels)
-        pairs = list(zip(widths, widths[1:], strict=False))
-        self.common = nn.ModuleList([TilingLevel(hidden, a, b, sources) for a, b in pairs[:shared]])
-        self.branches = nn.ModuleDict({name: nn.ModuleList() for name in MAPS})
-        for name, branch in self.branches.items():
-            branch.extend([TilingLevel(hidden, a, b, sources) for a, b in pairs[shared:]])  # pyright: ignore
-            branch.append(_last(widths[-1], name))  # pyright: ignore
+        self.common = nn.ModuleList([TilingLevel(hidden, a, b, sources) for a, b in zip(widths, widths[1:])])
+        self.last = nn.Conv2d(widths[-1], 4 * fields, 3)
+        self.strength = nn.Parameter(torch.randn(fields, sources) * 0.2 * sources**-0.5)
+        self.branches = nn.ModuleDict({name: Pixelwise(hidden, fields, FIRST[name]) for name in MAPS})
 
     def forward(self, code: Tensor) -> Tensor:
         vector, places = code[:, : self.vector], code[:, self.vector :]
@@ -167,23 +166,31 @@ class StationaryMaterials(MaterialGenerator):
         noise: dict[int, Tensor] = {}
         for level in self.common:
             x = level(x, hidden, places, noise)
-        drawn = {}
-        for name, branch in self.branches.items():
-            y = x
-            for level in list(branch)[:-1]:  # pyright: ignore[reportArgumentType]
-                y = level(y, hidden, places, noise)
-            last = branch[-1](tiled(y, 1))  # pyright: ignore[reportIndexIssue]
-            drawn[name] = F.pixel_shuffle(without_lattice(last), 2).contiguous()
-        return self.maps(vector, drawn)
+        fields = F.pixel_shuffle(without_lattice(self.last(tiled(x, 1))), 2)
+        finest = noise_of(places, fields.shape[2], self.strength.shape[1])
+        fields = fields + F.conv2d(finest, self.strength[:, :, None, None])
+        return self.maps(vector, {name: branch(fields, hidden) for name, branch in self.branches.items()})
 
 
-def _last(width: int, name: str) -> nn.Conv2d:
-    """The sub-pixel convolution of a map, which starts where `FIRST` says."""
-    start = torch.tensor(FIRST[name]).repeat_interleave(4)
-    last = nn.Conv2d(width, len(start), 3)
-    with torch.no_grad():
-        last.bias.copy_(start)  # pyright: ignore[reportOptionalMemberAccess]
-    return last
+class Pixelwise(nn.Module):
+    """Fields (B, C, H, W) to a map of them, pixel by pixel: a perceptron of two layers, modulated by the vector.
+
+    Args:
+        hidden: length of what the vector became.
+        fields: C.
+        first: the map's channels where the perceptron says nothing.
+    """
+
+    def __init__(self, hidden: int, fields: int, first: tuple[float, ...]) -> None:
+        super().__init__()
+        self.mix = nn.Conv2d(fields, fields, 1)
+        self.norm = ModulatedScale(hidden, fields)
+        self.last = nn.Conv2d(fields, len(first), 1)
+        with torch.no_grad():
+            self.last.bias.copy_(torch.tensor(first))  # pyright: ignore[reportOptionalMemberAccess]
+
+    def forward(self, fields: Tensor, hidden: Tensor) -> Tensor:
+        return self.last(F.leaky_relu(self.norm(self.mix(fields), hidden), 0.2)).contiguous()
 
 
 class TilingLevel(nn.Module):

@@ -64,6 +64,7 @@ Views = Literal["known", "direct"]
 SEEN_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "raking": 0.0, "coloured": 0.0, "ambient": 0.0}
 STANDING = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(45), math.pi)}
 """From the normal, and around it, of lamps that stand where they are."""
+BALANCE = 16  # steps between two measurements of how hard each way of looking pulls
 ENLARGED = 4  # folders of textures are read at so many times the size of what is cut out of them
 
 
@@ -83,7 +84,6 @@ def materials(
     seed: int = 0,
     batch: int = 8,
     channels: int = 128,
-    shared: int = 3,
     judge: int = 16,
     rate: float = 1.5e-3,
     gamma: float = 0.5,
@@ -109,7 +109,6 @@ def materials(
         seed: of the weights, of every draw, and of the collections.
         batch: materials an update.
         channels: of the generator's 4² level.
-        shared: levels that the four maps are made by together: 3 where they have common causes, 1 where they hardly do.
         judge: channels of the discriminators' first level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
@@ -120,13 +119,14 @@ def materials(
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
     source = source_of(world, data, size, seed)
     return Recipe(
-        generator=partial(StationaryMaterials, size=size, channels=channels, shared=shared),
+        generator=partial(StationaryMaterials, size=size, channels=channels),
         discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
         looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples, emphasis),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
+        balance=BALANCE,
         batch=batch,
         steps=4000 if steps is None and minutes is None else steps,
         minutes=minutes,

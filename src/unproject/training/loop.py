@@ -189,21 +189,38 @@ class Loop:
     def _update_generator(self, x: Tensor, batches: list[Batch], progress: float) -> Tensor:
         # The discriminators' own gradients are not wanted here; skipping them saves a third of the pass.
         self.state.discriminators.requires_grad_(False)
-        total = torch.zeros((), device=self.state.device)
+        losses = []
         for batch in batches:
             with self._autocast():
                 fake = batch.judge(batch.fake)
-            total = total + batch.panel.weight * self.recipe.loss.generator(batch.real_logits, fake.float())
+            losses.append(self.recipe.loss.generator(batch.real_logits, fake.float()))
+        if self.recipe.balance and len(batches) > 1 and self.state.counters.step % self.recipe.balance == 0:
+            self._measure_pulls(batches, losses)
+        total = torch.zeros((), device=self.state.device)
+        balanced = total
+        for batch, loss in zip(batches, losses, strict=True):
+            total = total + batch.panel.weight * loss.detach()
+            balanced = balanced + batch.panel.weight / batch.panel.pull * loss
         extra = self.recipe.regulariser(x, progress) if self.recipe.regulariser else 0.0
         ways, optimiser = self.state.way_distribution, self.state.way_optimiser
         if isinstance(self.recipe.assignment, LearnedPrior) and ways is not None and optimiser is not None:
             optimiser.zero_grad()
             extra = extra + self.recipe.assignment.evenness * ways.unevenness()
-        self._apply(self.state.generator, self.state.generator_optimiser, total + extra)
+        self._apply(self.state.generator, self.state.generator_optimiser, balanced + extra)
         if ways is not None and optimiser is not None:
             self.distribution.average_gradients(ways)
             optimiser.step()
-        return total.detach()
+        return total
+
+    def _measure_pulls(self, batches: list[Batch], losses: list[Tensor]) -> None:
+        """Move each panel's `pull` halfway towards the norm of its loss's gradient by the generator's parameters."""
+        parameters = [p for p in self.state.generator.parameters() if p.requires_grad]
+        for batch, loss in zip(batches, losses, strict=True):
+            slopes = torch.autograd.grad(loss, parameters, retain_graph=True, allow_unused=True)
+            norm = torch.stack([slope.float().square().sum() for slope in slopes if slope is not None]).sum().sqrt()
+            found = max(self.distribution.average(norm.item()), 1e-12)
+            first = self.state.counters.step == 0
+            batch.panel.pull = found if first else (batch.panel.pull * found) ** 0.5
 
     def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
         optimiser.zero_grad()

@@ -30,6 +30,7 @@ class Panel:
     heads: Tensor
     discriminator: nn.Module
     distribution: WayDistribution | None = None
+    pull: float = 1.0
 
     @property
     def weight(self) -> float:

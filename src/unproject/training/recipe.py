@@ -54,6 +54,9 @@ class Recipe:
         discriminator_steps: discriminator updates a generator update.
         batch: images an update.
         looks_each: how often each generated thing is looked at in an update, which needs batch / looks_each things.
+        balance: every so many steps, measure how hard each panel pulls at the generator (the norm of the gradient of
+            its loss), and let its loss count divided by that, times its weight: else what varies least, and is
+            magnified most, outvoices the rest. 0 takes losses as they are.
         half_life: of the averaged weights, in steps.
         steps, minutes: the budget; the run ends when either is spent. Give at least one.
         precision: "bfloat16" runs the networks under autocast.
@@ -73,6 +76,7 @@ class Recipe:
     discriminator_steps: int = 1
     batch: int = 64
     looks_each: int = 1
+    balance: int = 0
     half_life: float = 300.0
     steps: int | None = None
     minutes: float | None = None
@@ -87,6 +91,8 @@ class Recipe:
         for name in ("batch", "looks_each", "discriminator_steps", "checkpoint_every"):
             if getattr(self, name) < 1:
                 raise UserError(f"{name}={getattr(self, name)}: must be at least 1")
+        if self.balance < 0:
+            raise UserError(f"balance={self.balance}: give steps between two measurements, or 0 for none")
         if self.batch % self.looks_each:
             raise UserError(f"batch={self.batch}: must be a multiple of looks_each={self.looks_each}")
         for name in ("steps", "minutes"):

@@ -103,6 +103,7 @@ class State:
             named |= {f"{prefix}/{k}": v for k, v in _optimiser_tensors(optimiser).items()}
         for i, panel in enumerate(self.panels):
             named |= {f"panels/{i}/ways": panel.ways, f"panels/{i}/heads": panel.heads}
+            named[f"panels/{i}/pull"] = torch.tensor(panel.pull, dtype=torch.float64)
         counters = {f"counters/{k}": torch.tensor(v, dtype=torch.float64) for k, v in vars(self.counters).items()}
         return {k: v.detach().cpu().contiguous().clone() for k, v in {**named, **counters}.items()}
 
@@ -126,6 +127,7 @@ class State:
             if tensors[f"panels/{i}/ways"].shape != panel.ways.shape:
                 raise UserError("the checkpoint was made with another number of images; it belongs to another run")
             panel.ways, panel.heads = tensors[f"panels/{i}/ways"], tensors[f"panels/{i}/heads"]
+            panel.pull = tensors[f"panels/{i}/pull"].item()
         for name, value in vars(self.counters).items():
             setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
 
