@@ -9,12 +9,12 @@ multi (Figs. 7, 8)     wood: 500 pictures of each map, 250 renderings each under
 joint (Fig. 7)         wood: 625 materials with all four maps, one discriminator
 natural (Figs. 7, 8)   wood: as multi, but the renderings as in the seed: natural light, from the top and grazing
 selections (Fig. 8)    wood: 500 pictures of each map
-correlated (Fig. 8)    the partly correlated world: as multi, with maps that share one level of the generator for three
+correlated (Fig. 8)    the partly correlated world: as multi
 few (Fig. 9)           wood: as multi, 250 pictures of each map
 many (Fig. 9)          wood: as multi, 250 pictures of each map, 8000 renderings each
 lights (Fig. 9)        no maps: 6000 frontal renderings each under a flash, a lamp, natural and constant light
 metal, plastic         1000 pictures of each map, 5000 photographs each from the top and grazing: renderings under
-                       probes that training does not have; shared levels as in correlated
+                       probes that training does not have
 ====================== =================================================================================================
 
 With `--data` (shared/data) also `woodreal`: patches of the CC0 sets of wood, and its albedos as the diffuse maps; and
@@ -63,12 +63,12 @@ ARMS: dict[str, tuple[str, dict[str, Any]]] = {
     "joint": ("wood", {"views": "direct"}),
     "natural": ("wood", {"looks": (*MAPS, "top", "grazing")}),
     "selections": ("wood", {"looks": tuple(MAPS)}),
-    "correlated": ("correlated", {"shared": 1}),
+    "correlated": ("correlated", {}),
     "few": ("wood", {"maps": 250}),
     "many": ("wood", {"maps": 250, "renderings": 8000}),
     "lights": ("wood", {"looks": LIGHTS, "renderings": 6000}),
-    "metal": ("metal", {"maps": 1000, "renderings": 5000, "shared": 1}),
-    "plastic": ("plastic", {"maps": 1000, "renderings": 5000, "shared": 1}),
+    "metal": ("metal", {"maps": 1000, "renderings": 5000}),
+    "plastic": ("plastic", {"maps": 1000, "renderings": 5000}),
     "woodreal": ("wood", {"maps": 2000, "renderings": 2000}),
 }
 SCORED, SIZE, SHOWN = 500, 64, 10

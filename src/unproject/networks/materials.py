@@ -23,6 +23,7 @@ GRAIN = (*[(1, 0.0)] * 4, (1, 1.0), (2, 1.0), (1, 0.25), (2, 0.25))
 LEAST_Z = 0.05
 LEAST_ROUGHNESS = 5e-3
 START = 4  # places a side
+EITHER_SIGN = 6.0  # makes scales of about 1 ± 1 of vectors as they are before training
 RELIEF = 0.1  # texels of height that 1 stands for before training
 FIRST = {"diffuse": (-0.8,) * 3, "specular": (-3.0,), "roughness": (-0.8,), "normal": (0.0,)}
 """Where modern training starts: a nearly flat dielectric, k_d and m = 0.31, k_s = 0.05."""
@@ -175,6 +176,11 @@ class StationaryMaterials(MaterialGenerator):
 class Pixelwise(nn.Module):
     """Fields (B, C, H, W) to a map of them, pixel by pixel: a perceptron of two layers, modulated by the vector.
 
+    At the start a field's share in a map has either sign, as the vector has it: materials whose gloss goes with their
+    colour and such whose gloss goes against it. Which are true photographs tell, and the vectors follow. A sign that
+    all materials had at once would have to be given up by all of them through maps with no contrast, which no
+    discriminator lets pass.
+
     Args:
         hidden: length of what the vector became.
         fields: C.
@@ -186,7 +192,9 @@ class Pixelwise(nn.Module):
         self.mix = nn.Conv2d(fields, fields, 1)
         self.norm = ModulatedScale(hidden, fields)
         self.last = nn.Conv2d(fields, len(first), 1)
+        nn.init.normal_(self.norm.modulation.weight[:fields], std=EITHER_SIGN * hidden**-0.5)
         with torch.no_grad():
+            self.last.weight *= 0.5
             self.last.bias.copy_(torch.tensor(first))  # pyright: ignore[reportOptionalMemberAccess]
 
     def forward(self, fields: Tensor, hidden: Tensor) -> Tensor:
