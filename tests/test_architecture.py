@@ -18,6 +18,7 @@ FLOORS = (
     ("adversarial", "testing"),
     ("training",),
     ("recipes",),
+    ("reproduce",),
     ("cli", "studio"),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

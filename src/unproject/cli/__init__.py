@@ -25,6 +25,7 @@ VERBS = {
     "evaluate": "score a run",
     "export": "write meshes, contact sheets and turntables of new shapes, or maps of materials",
     "render": "render the maps of a material under natural, directional, coloured or ambient light",
+    "reproduce": "train and judge a figure of the paper, or print its networks",
     "recipes": "list the recipes, or show one",
     "check": "test a projection, prior, observation or generator of your own against the laws",
     "data": "see what a folder of pictures will be used as",

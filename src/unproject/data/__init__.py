@@ -1,5 +1,7 @@
 """Collections and their readers: folders of pictures, arrays, 3-D collections, the procedural chairs, and digits."""
 
+from .birds import birds
+from .cars import cars
 from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .collection import Collection, read, read_images, read_shapes
 from .digits import digit_labels, digits
@@ -28,7 +30,9 @@ __all__ = [
     "Inspection",
     "UnusablePicture",
     "batch_rows",
+    "birds",
     "build_chairs",
+    "cars",
     "chair_parameters",
     "chairs",
     "contact_sheet",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -22,12 +23,17 @@ LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))  # and the camera's an
 
 def save_samples(generator: Generator, path: Path) -> None:
     """Things of the same codes at every call, so that pictures of a run can be compared."""
-    x: Tensor = generator.sample(SHAPES, seed=0, batch=SHAPES)
+    save_picture(lambda n: generator.sample(n, seed=0), path)
+
+
+def save_picture(things: Callable[[int], Tensor], path: Path) -> None:
+    """A sheet of so many things, the first of what `things` gives, as it suits their kind."""
+    x = things(SHAPES)
     kind = kind_of(x)
     if kind == "image":
-        silhouette_sheet(generator.sample(IMAGES, seed=0), path, scale=2)
+        silhouette_sheet(things(IMAGES), path, scale=2)
     elif kind == "maps":
-        maps = generator.sample(MATERIALS, seed=0)
+        maps = things(MATERIALS)
         material_sheet(maps, relit(maps), path)
     else:
         contact_sheet(x, path, size=96)

@@ -1,0 +1,40 @@
+"""How much of the seed's experiment an arm is: on two cores in minutes, or at full size on a GPU."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .figure import Arm, Budget
+
+MINUTES = 9.0
+"""Of training, in the cpu budget: with its start and its scores an arm is done in ten."""
+STEPS = 1500
+"""Of modern materials there, in all arms alike, as long as that takes; the one with six ways of looking, MINUTES."""
+
+SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
+    "cpu": {
+        "shapes": {"size": 32, "minutes": MINUTES},
+        "shapes-paper": {"size": 32, "channels": 128, "batch": 16, "minutes": MINUTES},
+        "digits": {"size": 32, "minutes": MINUTES},
+        "digits-paper": {"size": 32, "channels": 128, "minutes": MINUTES},
+        **dict.fromkeys(("wood", "metal", "plastic", "correlated"), {"size": 64, "steps": STEPS}),
+        **dict.fromkeys(
+            ("wood-paper", "metal-paper", "plastic-paper"),
+            {"size": 64, "channels": 128, "judge": 16, "batch": 16, "samples": 8, "minutes": MINUTES},
+        ),
+    },
+    "gpu": {
+        "shapes": {"size": 64, "steps": 20_000},
+        "shapes-paper": {"size": 64, "steps": 300_000},
+        "digits": {"size": 32, "steps": 20_000},
+        "digits-paper": {"size": 32, "steps": 100_000},
+        **dict.fromkeys(("wood", "metal", "plastic", "correlated"), {"size": 64, "batch": 32, "steps": 20_000}),
+        **dict.fromkeys(("wood-paper", "metal-paper", "plastic-paper"), {"size": 64, "steps": 50_000}),
+    },
+}
+"""Flags of each recipe. Networks of the paper recipes are narrower in the cpu budget, alike in all arms of a figure."""
+
+
+def flags_of(arm: Arm, budget: Budget) -> dict[str, Any]:
+    return {**SIZES[budget][arm.recipe], **arm.flags}

@@ -1,0 +1,113 @@
+"""What a figure of the seed is here: arms that are trained, claims about their scores, and how much of it holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import mean, stdev
+from typing import Any, Literal
+
+Verdict = Literal["holds", "does not hold", "undecided"]
+Budget = Literal["cpu", "gpu"]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One training: a recipe and the flags that make it this arm.
+
+    Attributes:
+        name: of its results; the same in every figure that shows it, so that nothing is trained twice.
+        recipe: a built-in recipe.
+        source: of `sources.SOURCES`: what it learns from, and what it is scored against.
+        says: the same in words, for the table.
+        flags: of the recipe, besides the budget's and the source's.
+    """
+
+    name: str
+    recipe: str
+    source: str
+    says: str
+    flags: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Of an arm's score against another's, or against a number.
+
+    The effect at one seed is a logarithm, positive if it is as claimed: of `than`'s score over `better`'s and over
+    `factor`; without `than`, of `factor` over `better`'s score. With `higher` both are the other way round. Several
+    scores count as their geometric mean.
+
+    Attributes:
+        text: what is claimed.
+        better: the arm that is said to be better.
+        than: the arm it is compared with; none if empty.
+        scores: names of scores.
+        factor: how many times better; or the number itself.
+        higher: whether more is better.
+    """
+
+    text: str
+    better: str
+    than: str
+    scores: tuple[str, ...]
+    factor: float = 1.0
+    higher: bool = False
+
+    def effect(self, better: Mapping[str, float], than: Mapping[str, float] | None = None) -> float:
+        level = mean(math.log(max(better[s], LEAST)) for s in self.scores)
+        other = mean(math.log(max(than[s], LEAST)) for s in self.scores) if than is not None else 0.0
+        wanted = math.log(self.factor)
+        if than is None:
+            return level - wanted if self.higher else wanted - level
+        return (level - other if self.higher else other - level) - wanted
+
+
+LEAST = 1e-9  # a score of nothing at all still has a logarithm
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the seed.
+
+    Attributes:
+        name: fig7.
+        title: what it shows.
+        claim: the seed's, in one sentence.
+        says: what the seed says of it.
+        arms: what is trained.
+        real: what is trained besides where there are real collections.
+        claims: what is measured of it.
+        deviations: from the seed, each with its reason.
+        shows: in the picture: what arms make, or training images grouped by predicted view.
+    """
+
+    name: str
+    title: str
+    claim: str
+    says: str
+    arms: tuple[Arm, ...] = ()
+    real: tuple[Arm, ...] = ()
+    claims: tuple[Claim, ...] = ()
+    deviations: tuple[str, ...] = ()
+    shows: Literal["things", "views"] = "things"
+
+
+def verdict(effects: Sequence[float]) -> Verdict:
+    """Of the effects of a claim, one a seed: their mean must be farther from 0 than its standard error, twice.
+
+    A seed whose effect has the other sign, or one seed alone, leaves it undecided.
+    """
+    if len(effects) < 2 or min(effects) <= 0 <= max(effects):
+        return "undecided"
+    if abs(mean(effects)) <= 2 * stdev(effects) / len(effects) ** 0.5:
+        return "undecided"
+    return "holds" if effects[0] > 0 else "does not hold"
+
+
+def overall(verdicts: Sequence[Verdict]) -> Verdict:
+    """Of a figure: it holds if every claim does, and does not if one does not."""
+    if not verdicts or "undecided" in verdicts and "does not hold" not in verdicts:
+        return "undecided"
+    return "does not hold" if "does not hold" in verdicts else "holds"

@@ -1,0 +1,69 @@
+"""What is kept of an arm when it is finished: its scores, how it was made, and a picture. Nothing is computed twice."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from .._types import UserError
+from ..metrics import Score
+from ..training.run_directory import environment, write_json
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Of one arm and seed: ARM-SEED.json and ARM-SEED.png in a folder; ARM-SEED-views.png if views were predicted."""
+
+    folder: Path
+    arm: str
+    seed: int
+
+    @property
+    def file(self) -> Path:
+        return self.folder / f"{self.arm}-{self.seed}.json"
+
+    @property
+    def picture(self) -> Path:
+        return self.folder / f"{self.arm}-{self.seed}.png"
+
+    @property
+    def views(self) -> Path:
+        """Training images grouped by the view they were assigned."""
+        return self.folder / f"{self.arm}-{self.seed}-views.png"
+
+    @property
+    def exists(self) -> bool:
+        return self.file.exists()
+
+    def write(self, scores: Mapping[str, Score], run: Path, step: int, budget: str) -> None:
+        about = {"arm": self.arm, "seed": self.seed, "budget": budget, "steps": step} | made_by(run)
+        write_json(self.file, about | {"scores": {name: asdict(score) for name, score in scores.items()}})
+
+    def read(self) -> dict[str, Any]:
+        """Raises UserError if the file is damaged."""
+        try:
+            content = json.loads(self.file.read_text(encoding="utf-8"))
+            for score in content["scores"].values():
+                float(score["value"])
+            return content
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise UserError(f"{self.file}: damaged ({error}); remove it, and its arm is scored again") from error
+
+    def values(self) -> dict[str, float]:
+        return {name: float(score["value"]) for name, score in self.read()["scores"].items()}
+
+
+def made_by(run: Path) -> dict[str, Any]:
+    """How long a run has trained, its command, commit, versions and machine; no folders of that machine."""
+    stored = environment() | json.loads((run / "environment.json").read_text(encoding="utf-8"))
+    command = [Path(part).name if Path(part).is_absolute() else part for part in stored["command"]]
+    return {"seconds": seconds_of(run), "environment": stored | {"command": command}}
+
+
+def seconds_of(run: Path) -> float:
+    """How long a run has trained, by the last line of its log."""
+    lines = (run / "stats.jsonl").read_text(encoding="utf-8").splitlines()
+    return float(json.loads(lines[-1])["seconds"]) if lines else 0.0

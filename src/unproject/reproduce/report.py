@@ -1,0 +1,213 @@
+"""A figure's report: Markdown, HTML with its pictures inside, and one picture; all from what is kept."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean
+from typing import Any
+
+from PIL import Image, ImageDraw, ImageFont
+
+from .._files import atomic_path
+from .figure import Arm, Claim, Figure, Verdict, overall, verdict
+from .kept import Kept
+
+LABEL, GAP, WIDEST = 22, 12, 1800
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim, its effect at each seed that both arms have, and the verdict."""
+
+    claim: Claim
+    effects: tuple[float, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        return verdict(self.effects)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A figure and what is kept of its arms: (arm, seed) → result."""
+
+    figure: Figure
+    kept: dict[tuple[str, int], Kept]
+
+    @property
+    def judged(self) -> tuple[Judged, ...]:
+        return tuple(Judged(claim, self._effects(claim)) for claim in self.figure.claims)
+
+    @property
+    def verdict(self) -> Verdict:
+        return overall([one.verdict for one in self.judged])
+
+    def seeds(self, arm: str) -> list[int]:
+        return sorted(seed for name, seed in self.kept if name == arm)
+
+    def _effects(self, claim: Claim) -> tuple[float, ...]:
+        seeds = set(self.seeds(claim.better)) & set(self.seeds(claim.than) if claim.than else self.seeds(claim.better))
+        found = []
+        for seed in sorted(seeds):
+            better = self.kept[claim.better, seed].values()
+            than = self.kept[claim.than, seed].values() if claim.than else None
+            if all(name in side for name in claim.scores for side in (better, than) if side is not None):
+                found.append(claim.effect(better, than))
+        return tuple(found)
+
+
+def write(report: Report, folder: Path) -> tuple[Path, ...]:
+    """FIGURE.md, FIGURE.html and FIGURE.png in a folder."""
+    name = report.figure.name
+    picture = folder / f"{name}.png"
+    shown = save_picture(report, picture)
+    blocks = blocks_of(report, picture if shown else None)
+    texts = {folder / f"{name}.md": markdown(blocks), folder / f"{name}.html": page(report.figure.title, blocks)}
+    for path, text in texts.items():
+        with atomic_path(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return (*texts, *((picture,) if shown else ()))
+
+
+Block = tuple[str, Any]
+"""("heading", text), ("text", text), ("list", lines), ("table", rows, the first one its head), ("picture", path)."""
+
+
+def blocks_of(report: Report, picture: Path | None) -> list[Block]:
+    figure = report.figure
+    blocks: list[Block] = [
+        ("heading", f"{figure.name.replace('fig', 'Fig. ')}: {figure.title}"),
+        ("text", f"The seed's claim: {figure.claim}"),
+        ("text", f"The seed says: {figure.says}"),
+        ("text", f"Verdict: {report.verdict}."),
+    ]
+    if picture is not None:
+        blocks.append(("picture", picture))
+    blocks += [
+        ("table", [["claim", "times, by seed", "verdict"], *map(_claim_row, report.judged)]),
+        ("table", score_rows(report)),
+        ("text", "Arms:"),
+        ("list", [f"{arm.name}: {arm.says} (`{arm.recipe}`)" for arm in (*figure.arms, *figure.real)]),
+    ]
+    if figure.deviations:
+        blocks += [("text", "Deviations from the seed:"), ("list", list(figure.deviations))]
+    return [*blocks, ("text", "How it was made:"), ("table", made_rows(report))]
+
+
+def _claim_row(judged: Judged) -> list[str]:
+    """How many times as good, where 1 is just as claimed."""
+    times = ", ".join(f"{2.718281828459045**e:.2f}" for e in judged.effects)
+    return [f"{judged.claim.text} ({', '.join(judged.claim.scores)})", times or "not measured", judged.verdict]
+
+
+def score_rows(report: Report) -> list[list[str]]:
+    """The scores that claims are about: the mean over seeds, and each seed's in brackets."""
+    columns = list(dict.fromkeys(s for claim in report.figure.claims for s in claim.scores))
+    rows = [["arm", "minutes", *columns]]
+    for arm in (*report.figure.arms, *report.figure.real):
+        contents = [report.kept[arm.name, seed].read() for seed in report.seeds(arm.name)]
+        if contents:
+            minutes = ", ".join(f"{c['seconds'] / 60:.1f}" for c in contents)
+            rows.append([arm.name, minutes, *(_cell(contents, column) for column in columns)])
+    return rows
+
+
+def _cell(contents: Sequence[dict[str, Any]], score: str) -> str:
+    values = [c["scores"][score]["value"] for c in contents if score in c["scores"]]
+    if not values:
+        return ""
+    each = ", ".join(f"{v:.3g}" for v in values)
+    return f"{mean(values):.3g}" + (f" ({each})" if len(values) > 1 else "")
+
+
+def made_rows(report: Report) -> list[list[str]]:
+    rows = [["arm", "seed", "command", "steps", "commit", "when", "machine"]]
+    for (arm, seed), kept in sorted(report.kept.items()):
+        content = kept.read()
+        made = content["environment"]
+        machine = f"{made['cuda'] or made['processor']}, {made['cpus']} cores, {made['threads']} threads"
+        command = " ".join(("unproject", *made["command"][1:]))
+        rows.append(
+            [arm, str(seed), command, str(content["steps"]), str(made["commit"]), made["started"][:10], machine]
+        )
+    return rows
+
+
+def markdown(blocks: Sequence[Block]) -> str:
+    lines: list[str] = []
+    for kind, value in blocks:
+        if kind == "heading":
+            lines.append(f"# {value}")
+        elif kind == "list":
+            lines.append("\n".join(f"- {line}" for line in value))
+        elif kind == "table":
+            head, *rows = ["| " + " | ".join(row) + " |" for row in value]
+            lines.append("\n".join([head, "|---" * len(value[0]) + "|", *rows]))
+        else:
+            lines.append(f"![{value.stem}]({value.name})" if kind == "picture" else value)
+    return "\n\n".join(lines) + "\n"
+
+
+STYLE = (
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:1100px;margin:2rem auto;padding:0 1rem;color:#222}"
+    "table{border-collapse:collapse;display:block;overflow-x:auto;font-size:14px}"
+    "td,th{border-bottom:1px solid #ddd;padding:.3rem .7rem;text-align:left}img{max-width:100%}"
+)
+
+
+def page(title: str, blocks: Sequence[Block]) -> str:
+    """One file that needs no other: pictures are inside."""
+    body: list[str] = []
+    for kind, value in blocks:
+        if kind == "heading":
+            body.append(f"<h1>{html.escape(value)}</h1>")
+        elif kind == "list":
+            body.append("<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in value) + "</ul>")
+        elif kind == "table":
+            cells = [[html.escape(cell) for cell in row] for row in value]
+            head = "".join(f"<th>{cell}</th>" for cell in cells[0])
+            rest = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in cells[1:])
+            body.append(f"<table><tr>{head}</tr>{rest}</table>")
+        elif kind == "picture":
+            content = base64.b64encode(value.read_bytes()).decode()
+            body.append(f'<img alt="{value.stem}" src="data:image/png;base64,{content}">')
+        else:
+            body.append(f"<p>{html.escape(value)}</p>")
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f"<style>{STYLE}</style><body>{''.join(body)}</body></html>\n"
+    )
+
+
+def save_picture(report: Report, path: Path) -> bool:
+    """The first seed's sheet of each arm beside one another, under its name; False if there is none."""
+    sheets = []
+    for arm in (*report.figure.arms, *report.figure.real):
+        kept = [report.kept[arm.name, seed] for seed in report.seeds(arm.name)]
+        path_of = {"things": lambda one: one.picture, "views": lambda one: one.views}[report.figure.shows]
+        if kept and path_of(kept[0]).exists():
+            with Image.open(path_of(kept[0])) as picture:
+                sheets.append((arm, picture.convert("RGB")))
+    if not sheets:
+        return False
+    joined = _beside(sheets)
+    if joined.width > WIDEST:
+        joined = joined.resize((WIDEST, round(joined.height * WIDEST / joined.width)))
+    with atomic_path(path) as temporary:
+        joined.save(temporary)
+    return True
+
+
+def _beside(sheets: Sequence[tuple[Arm, Image.Image]]) -> Image.Image:
+    width = sum(picture.width + GAP for _, picture in sheets) - GAP
+    sheet = Image.new("RGB", (width, LABEL + max(picture.height for _, picture in sheets)), "white")
+    draw, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(size=14), 0
+    for arm, picture in sheets:
+        draw.text((left + 2, 3), arm.name, "black", font)
+        sheet.paste(picture, (left, LABEL))
+        left += picture.width + GAP
+    return sheet

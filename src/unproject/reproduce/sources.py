@@ -1,0 +1,224 @@
+"""What arms learn from, and what they are scored against: embedded worlds, or the real collections of `--data`.
+
+Files that have to be written first, such as photographs of metal, are written once, into a folder of the runs.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor
+
+from .._types import UserError
+from ..data import (
+    birds,
+    cars,
+    chairs,
+    digits,
+    material_patches,
+    observe,
+    procedural_probes,
+    read,
+    read_images,
+    read_materials,
+    read_probes,
+)
+from ..data.voxelise import normalised, voxelise
+from ..export.materials import to_srgb
+from ..ops.maps import MAPS
+from ..recipes.materials import WORLDS, way_of
+
+SHAPES, HELD_OUT, MATERIALS = 1000, 512, 500
+UNSEEN = 2**41
+"""Seed of the materials arms are scored against; `unproject evaluate` takes 2**40, on which recipes were chosen."""
+PICTURES = 5 * 10**4  # seeds of what is photographed
+PHOTOGRAPHED = {"metal": (1000, 5000), "plastic": (1000, 5000), "wood-real": (2000, 2000)}
+"""How many pictures of each map, and photographs of each kind."""
+NOT_CARS = ("kart", "tractor")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where files are written, the real collections if there are any, and the side of things."""
+
+    folder: Path
+    data: Path | None
+    size: int
+
+    def real(self, name: str) -> Path:
+        """Raises UserError if `--data` has no such file."""
+        if self.data is None:
+            raise UserError("this arm learns from real pictures; give --data, the folder that holds them")
+        path = self.data / name
+        if not path.exists():
+            raise UserError(f"{path}: is missing; --data is a folder with silhouettes/, shapes3d/, mnist/ and so on")
+        return path
+
+    def once(self, name: str, make: Callable[[Path], None]) -> Path:
+        """A file or folder, made if it is not there yet; never half made."""
+        path = self.folder / name
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            unfinished = path.with_name(f"unfinished-{path.name}")
+            shutil.rmtree(unfinished, ignore_errors=True)
+            make(unfinished)
+            unfinished.rename(path)
+        return path
+
+
+Flags = dict[str, Any]
+Source = tuple[Callable[[Place], Flags], Callable[[Place], Tensor]]
+"""Flags that name what to learn from; and what to score against."""
+
+
+def family(make: Callable[..., Tensor], name: str) -> Source:
+    """A procedural family of shapes, written as an .npz."""
+
+    def data(place: Place) -> Flags:
+        def save(path: Path) -> None:
+            with path.open("wb") as file:
+                np.savez_compressed(file, volume=make(SHAPES, place.size, seed=0).numpy().astype(np.uint8))
+
+        return {"data": place.once(f"{name}-{place.size}.npz", save)}
+
+    return data, lambda place: make(HELD_OUT, place.size, seed=1)
+
+
+def file(name: str, reference: str | None = None) -> Source:
+    """A real collection; scored against another part of it, or, if there is none, against itself."""
+    kept = reference or name
+
+    def there(place: Place, what: str) -> str:
+        path, colon, part = what.partition(":")
+        return f"{place.real(path)}{colon}{part}"
+
+    return (
+        lambda place: {"data": Path(there(place, name))},
+        lambda place: read(there(place, kept), size=place.size).items,
+    )
+
+
+def mnist(place: Place) -> Tensor:
+    return read_images(place.real("mnist/t10k-images-idx3-ubyte.gz"), place.size).items
+
+
+def car_volumes(place: Place) -> Path:
+    """Solid voxels of the meshes that are cars."""
+
+    def save(path: Path) -> None:
+        with np.load(place.real("shapes3d/cars_kenney_cc0_meshes.npz"), allow_pickle=False) as meshes:
+            arrays = {name: meshes[name] for name in meshes.files}
+        volumes = []
+        for k, name in enumerate(arrays["name"]):
+            if not any(word in str(name) for word in NOT_CARS):
+                points, corners = (slice(*arrays[f"{part}_start"][k : k + 2]) for part in ("vert", "face"))
+                faces = arrays["faces"][corners]
+                own = faces - (arrays["vert_start"][k] if faces.min() >= arrays["vert_start"][k] else 0)
+                volumes.append(voxelise(normalised(arrays["verts"][points]), own, place.size))
+        with path.open("wb") as written:
+            np.savez_compressed(written, volume=np.stack(volumes).astype(np.uint8))
+
+    return place.once(f"cars-meshes-{place.size}.npz", save)
+
+
+def world(name: str) -> Source:
+    """A procedural world of materials."""
+    return lambda place: {}, lambda place: WORLDS[name](MATERIALS, place.size, UNSEEN)
+
+
+def photographed(name: str) -> Source:
+    """Maps, and renderings that stand in for photographs, lit as training is not, as folders of PNGs."""
+
+    def data(place: Place) -> Flags:
+        ours, theirs = _probes(place)
+        things = _materials(name, place)
+
+        def make(path: Path) -> None:
+            _photograph(path, name, things, theirs)
+            if name == "wood-real":
+                _add_albedos(path, place)
+
+        pictures = place.once(f"pictures-{name}-{place.size}", make)
+        return {"data": pictures, "probes": place.once("probes", lambda path: _save_probes(path, ours))}
+
+    return data, lambda place: _materials(name, place)(MATERIALS, UNSEEN)
+
+
+def _probes(place: Place) -> tuple[Tensor, Tensor]:
+    """Light for training and light of the photographs: every other probe, so that none is in both."""
+    every = procedural_probes(32)[0] if place.data is None else read_probes(place.real("hdr"), 32)[0]
+    return every[::2], every[1::2]
+
+
+def _save_probes(folder: Path, probes: Tensor) -> None:
+    folder.mkdir()
+    for k, probe in enumerate(probes):
+        np.save(folder / f"{k:02d}.npy", probe.permute(1, 2, 0).numpy())
+
+
+def _materials(name: str, place: Place) -> Callable[[int, int], Tensor]:
+    """(count, seed) → materials."""
+    if name in WORLDS:
+        return lambda count, seed: WORLDS[name](count, place.size, seed)
+    sets = read_materials(place.real("materials/svbrdf/wood"), 4 * place.size)[0]
+    return lambda count, seed: material_patches(sets, count, place.size, seed, turn=0.1)
+
+
+def _photograph(folder: Path, name: str, things: Callable[[int, int], Tensor], light: Tensor) -> None:
+    """A folder a way of looking, as `--data` takes them; no two pictures are of one material."""
+    encoded = {
+        "diffuse": lambda c: torch.from_numpy(to_srgb(c.numpy())),
+        "roughness": torch.sqrt,
+        "normal": lambda n: n / 2 + 0.5,
+        "specular": lambda s: s,
+    }
+    maps, renderings = PHOTOGRAPHED[name]
+    for k, one in enumerate(MAPS):
+        _write(folder / one, encoded[one](things(maps, PICTURES + k)[:, MAPS[one]]))
+    for k, look in enumerate(("top", "grazing")):
+        seen = observe(things(renderings, PICTURES + 10 + k), [way_of(look, light, 64)], seed=k)
+        _write(folder / look, seen.items)
+
+
+def _add_albedos(folder: Path, place: Place) -> None:
+    """The 246 albedos of CC0 woods at hand, as diffuse maps."""
+    with np.load(place.real("materials/ambientcg_diffuse64_wood.npz"), allow_pickle=False) as albedos:
+        for k, albedo in enumerate(albedos["albedo64"]):
+            Image.fromarray(albedo).save(folder / "diffuse" / f"albedo-{k:03d}.png")
+
+
+def _write(folder: Path, values: Tensor) -> None:
+    """Colours and normals in 8 bits, grey maps in 16: a specular albedo of 0.04 is ten steps of 8 bits."""
+    folder.mkdir(parents=True)
+    for k, image in enumerate(values.clamp(0, 1).numpy()):
+        grey = len(image) == 1
+        pixels = (image[0] * 65535 + 0.5).astype(np.uint16) if grey else (image * 255 + 0.5).astype(np.uint8)
+        Image.fromarray(pixels if grey else np.moveaxis(pixels, 0, 2)).save(folder / f"{k:05d}.png")
+
+
+SOURCES: dict[str, Source] = {
+    "chairs": (lambda place: {}, lambda place: chairs(HELD_OUT, place.size, seed=1)),
+    "birds": family(birds, "birds"),
+    "cars": family(cars, "cars"),
+    "chairs-modelnet": file(
+        "shapes3d/modelnet7_vox30_packbits.npz:chair", "shapes3d/modelnet7_vox30_packbits.npz:chair/test"
+    ),
+    "chairs-photographs": file("silhouettes/chair_ikea_64.npz"),
+    "birds-photographs": file("silhouettes/bird_cub_aves_64.npz"),
+    "cars-meshes": (
+        lambda place: {"data": car_volumes(place)},
+        lambda place: read(car_volumes(place), size=place.size).items,
+    ),
+    "digits": (lambda place: {}, lambda place: digits(place.size, held_out=True)),
+    "mnist": (lambda place: {"data": place.real("mnist/train-images-idx3-ubyte.gz")}, mnist),
+    **{name: world(name) for name in ("wood", "correlated")},
+    **{name: photographed(name) for name in ("metal", "plastic", "wood-real")},
+}
+"""By name."""

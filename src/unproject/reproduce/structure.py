@@ -1,0 +1,78 @@
+"""Networks as they are built, the seed's Figs. 1 and 6: each layer, what comes out of it, how much it learns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from .._random import generator_at
+from ..adversarial.assignment import Predicted
+from ..recipes import find
+from ..training.panel import build_panels
+from ..training.recipe import Recipe
+
+STRUCTURES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "fig1": ("shapes-paper", {"looks_per_shape": 1}),
+    "fig6": ("wood-paper", {"maps": 2, "renderings": 2}),
+}
+"""Figure → recipe and flags; these only make its collections small."""
+
+
+def structure(figure: str) -> str:
+    """The networks of a figure's recipe, as text."""
+    name, flags = STRUCTURES[figure]
+    recipe = find(name)(**flags)
+    parts = [f"{figure.replace('fig', 'Fig. ')}: networks of the recipe {name}, as built, for one item."]
+    return "\n\n".join([*parts, *(f"{title}\n{table}" for title, table in tables(recipe).items())]) + "\n"
+
+
+def tables(recipe: Recipe) -> dict[str, str]:
+    """Network → its layers, one a line."""
+    generator = recipe.generator().eval()
+    found = {"generator": layers(generator, lambda: generator(generator.draw(2, generator_at(0))))}
+    for panel in build_panels(recipe):
+        name = f"discriminator of {', '.join(dict.fromkeys(_kind(o.name) for o in panel.observations))}"
+        heads = f", {len(panel.observations)} heads" if len(panel.observations) > 1 else ""
+        images, head = torch.zeros(2, *panel.shape), torch.zeros(2, dtype=torch.long)
+        found[name + heads] = layers(panel.discriminator.eval(), lambda d=panel.discriminator: d(images, head))  # noqa: B023
+        if isinstance(recipe.assignment, Predicted):
+            predictor = recipe.assignment.predictor(panel.shape, len(panel.observations)).eval()
+            found["view predictor"] = layers(predictor, lambda: predictor(images))  # noqa: B023
+    return found
+
+
+def _kind(observation: str) -> str:
+    """`azimuth 3` and its like are one kind."""
+    return observation.rstrip("0123456789.°-– ") or observation
+
+
+@torch.no_grad()
+def layers(network: nn.Module, run: Callable[[], Tensor]) -> str:
+    """Every layer without parts of its own, in the order in which it is used; "x 16 heads" aside, once each."""
+    rows: list[tuple[str, str, str, str]] = []
+
+    def note(name: str) -> Callable[[nn.Module, Any, Any], None]:
+        def hook(module: nn.Module, _: Any, out: Any) -> None:
+            shape = "x".join(map(str, out.shape[1:])) if isinstance(out, Tensor) else ""
+            count = sum(p.numel() for p in module.parameters())
+            rows.append((name, type(module).__name__, shape or "1", f"{count:,}" if count else ""))
+
+        return hook
+
+    hooks = [
+        module.register_forward_hook(note(name))
+        for name, module in network.named_modules()
+        if name and not list(module.children())
+    ]
+    try:
+        run()
+    finally:
+        for hook in hooks:
+            hook.remove()
+    total = sum(p.numel() for p in network.parameters())
+    rows = [("layer", "kind", "output", "learned"), *rows, ("in all", "", "", f"{total:,}")]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)

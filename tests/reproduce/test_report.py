@@ -1,0 +1,87 @@
+"""Reports are made of what is kept, and need nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from unproject._types import UserError
+from unproject.reproduce import Arm, Claim, Figure, Report, write
+from unproject.reproduce.kept import Kept
+
+FIGURE = Figure(
+    "fig7",
+    "A <title>",
+    "What is claimed.",
+    "What is said.",
+    arms=(Arm("ours", "wood", "wood", "many"), Arm("theirs", "wood", "wood", "one")),
+    claims=(Claim("nearer", "ours", "theirs", ("far",)), Claim("unknown", "ours", "theirs", ("absent",))),
+    deviations=("It is small.",),
+)
+MADE = {
+    "command": ["unproject", "train", "wood"],
+    "commit": "abc1234",
+    "started": "2026-11-22T01:02:03+00:00",
+    "processor": "x86_64",
+    "cpus": 2,
+    "threads": 1,
+    "cuda": None,
+}
+
+
+def kept(folder: Path, arm: str, seed: int, value: float) -> Kept:
+    one = Kept(folder, arm, seed)
+    score = {"value": value, "protocol": "p", "n": 1, "seed": 0}
+    content = {"arm": arm, "seed": seed, "steps": 5, "seconds": 60.0, "environment": MADE, "scores": {"far": score}}
+    one.file.write_text(json.dumps(content))
+    with Image.new("RGB", (30, 20), "red") as picture:
+        picture.save(one.picture)
+    return one
+
+
+@pytest.fixture
+def report(tmp_path: Path) -> Report:
+    values = {("ours", 0): 1.0, ("ours", 1): 1.1, ("theirs", 0): 2.0, ("theirs", 1): 2.1}
+    return Report(FIGURE, {key: kept(tmp_path, *key, value) for key, value in values.items()})
+
+
+def test_a_report_says_what_is_claimed_what_was_measured_and_how(report: Report, tmp_path: Path) -> None:
+    assert [one.verdict for one in report.judged] == ["holds", "undecided"] and report.verdict == "undecided"
+    paths = write(report, tmp_path / "out")
+    assert {path.name for path in paths} == {"fig7.md", "fig7.html", "fig7.png"}
+    text = (tmp_path / "out" / "fig7.md").read_text()
+    for part in ("What is claimed.", "What is said.", "2.00, 1.91", "holds", "not measured", "abc1234", "It is small."):
+        assert part in text
+    assert "| ours | 1.0, 1.0 | 1.05 (1, 1.1) |" in text
+    with Image.open(tmp_path / "out" / "fig7.png") as picture:
+        assert picture.size == (72, 42)
+
+
+def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
+    write(report, tmp_path)
+    page = (tmp_path / "fig7.html").read_text()
+    assert "A &lt;title&gt;" in page and "<title>A &lt;" in page
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert "http" not in page
+
+
+def test_a_report_of_nothing_is_undecided(tmp_path: Path) -> None:
+    report = Report(FIGURE, {})
+    paths = write(report, tmp_path)
+    assert report.verdict == "undecided" and {path.suffix for path in paths} == {".md", ".html"}
+
+
+def test_seeds_that_one_arm_lacks_do_not_count(report: Report) -> None:
+    fewer = Report(FIGURE, {key: value for key, value in report.kept.items() if key != ("theirs", 1)})
+    assert len(fewer.judged[0].effects) == 1 and fewer.judged[0].verdict == "undecided"
+
+
+def test_damaged_results_are_named(report: Report) -> None:
+    report.kept["ours", 0].file.write_text('{"scores": {"far": 3}}')
+    with pytest.raises(UserError, match="ours-0.json: damaged .*remove it"):
+        _ = report.judged

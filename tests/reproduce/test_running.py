@@ -1,0 +1,159 @@
+"""Figures from start to end, with arms of a few steps."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from unproject import reproduce as package
+from unproject._types import UserError
+from unproject.cli import main
+from unproject.data.correlated import build_correlated
+from unproject.reproduce import Arm, Claim, Figure, Where, running
+from unproject.reproduce.running import grouped, is_finished, octave_scores
+from unproject.reproduce.sources import Place, birds, family, photographed
+
+SMALL = {"size": 16, "steps": 2, "channels": 8, "batch": 4}
+TOY = Figure(
+    name="toy",
+    title="Digits",
+    claim="Digits are learned.",
+    says="Nothing.",
+    arms=(
+        Arm("toy-known", "digits", "digits", "known"),
+        Arm("toy-single", "digits", "digits", "one discriminator", {"views": "single"}),
+    ),
+    claims=(Claim("known is nearer", "toy-known", "toy-single", ("frechet",)),),
+)
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(package.FIGURES, "toy", TOY)
+    monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | dict(arm.flags))
+    monkeypatch.setitem(running.MANY, "image", 64)
+
+
+def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["reproduce", "toy", "--parallel", "2", "--threads", "1"]) == 0
+    kept = tmp_path / "reproduction" / "results"
+    names = {f"toy-{arm}-{seed}" for arm in ("known", "single") for seed in (0, 1)}
+    assert {path.stem for path in kept.glob("*.json")} == names
+    assert {path.name for path in kept.glob("*-views.png")} == set()  # line integrals are no pictures
+    assert {path.suffix for path in (tmp_path / "reproduction").glob("toy.*")} == {".md", ".html", ".png"}
+    content = json.loads((kept / "toy-known-1.json").read_text())
+    assert content["seed"] == 1 and content["steps"] == 2 and content["budget"] == "cpu"
+    assert content["environment"]["command"][1:3] == ["train", "digits"] and str(tmp_path) not in json.dumps(content)
+
+    before = {path: path.stat().st_mtime_ns for path in kept.iterdir()}
+    os.remove(tmp_path / "reproduction" / "toy.md")
+    assert main(["reproduce", "toy", "--report"]) == 0
+    assert {path: path.stat().st_mtime_ns for path in kept.iterdir()} == before
+    assert (tmp_path / "reproduction" / "toy.md").exists()
+
+    shutil.rmtree(kept)
+    assert main(["reproduce", "toy", "--report", "--seeds", "1"]) == 0
+    again = json.loads((kept / "toy-known-0.json").read_text())
+    assert again["scores"] and not (kept / "toy-known-1.json").exists()
+
+
+def test_without_training_a_run_that_is_not_finished_is_left_alone(
+    toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    arm = TOY.arms[0]
+    assert not is_finished(arm, 0, where)
+    monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 1})
+    package.running.finish([(arm, 0)], where)
+    shutil.rmtree(where.kept)
+    monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 2})
+    assert not is_finished(arm, 0, where)
+    running.score_finished([(arm, 0)], where)
+    assert not where.result(arm, 0).exists
+    running.finish([(arm, 0)], where)  # resumed
+    assert where.result(arm, 0).read()["steps"] == 2
+
+
+def test_a_training_that_fails_is_one_line(toy: None, tmp_path: Path) -> None:
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    with pytest.raises(UserError, match="bad-0: training stopped: .*views"):
+        running.finish([(Arm("bad", "digits", "digits", "", {"views": "nonsense"}), 0)], where)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["fig13"], "there is no figure 'fig13'"),
+        (["fig7", "--seeds", "0"], "--seeds 0"),
+        (["fig7", "--budget", "huge"], "--budget"),
+    ],
+)
+def test_mistakes_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("unproject: ") and line in err and err.count("\n") == 1
+
+
+def test_octave_scores_know_the_design() -> None:
+    from unproject.data.correlated import CHANCES
+    from unproject.data.noise import draw
+
+    drawn = draw(CHANCES, range(12), 32, 0)
+    right = {name: score.value for name, score in octave_scores(build_correlated(drawn, 0.9, 0.9)).items()}
+    assert right["octave_error_within"] < 0.05 and right["octave_error_across"] < 0.05
+    wrong = octave_scores(build_correlated(drawn, 0.5, 0.9))
+    assert wrong["octave_error_within"].value == pytest.approx(0.4, abs=0.05)
+
+
+def test_images_are_grouped_by_view() -> None:
+    images, ways = torch.arange(30.0).view(30, 1, 1, 1), torch.tensor([0] * 20 + [2] * 10)
+    rows = grouped(images, ways, 3).view(3, -1)
+    assert rows.shape == (3, 12) and rows[0].tolist() == list(range(12)) and rows[1].eq(0).all()
+    assert rows[2, :10].tolist() == list(range(20, 30)) and rows[2, 10:].eq(0).all()
+
+
+def test_files_are_made_once_and_never_half(tmp_path: Path) -> None:
+    place = Place(tmp_path, None, 16)
+    calls = []
+
+    def fail(path: Path) -> None:
+        path.write_text("half")
+        calls.append(path)
+        raise OSError("full")
+
+    with pytest.raises(OSError):
+        place.once("a.txt", fail)
+    assert not (tmp_path / "a.txt").exists()
+    path = place.once("a.txt", lambda p: None if p.write_text("whole") else None)
+    assert place.once("a.txt", fail) == path and path.read_text() == "whole" and len(calls) == 1
+
+
+def test_a_family_is_written_as_the_recipe_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.reproduce.sources.SHAPES", 3)
+    data, reference = family(birds, "birds")
+    place = Place(tmp_path, None, 16)
+    with np.load(data(place)["data"]) as arrays:
+        assert np.array_equal(arrays["volume"], birds(3, 16).numpy().astype(np.uint8))
+    assert not torch.equal(reference(place)[:3], birds(3, 16))
+
+
+def test_photographs_are_lit_as_training_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.reproduce.sources.PHOTOGRAPHED", {"metal": (2, 3)})
+    flags = photographed("metal")[0](Place(tmp_path, None, 16))
+    counts = {folder.name: len(list(folder.iterdir())) for folder in flags["data"].iterdir()}
+    assert counts == dict.fromkeys(("diffuse", "specular", "roughness", "normal"), 2) | {"top": 3, "grazing": 3}
+    assert len(list(flags["probes"].glob("*.npy"))) == 3  # of five, every other
+
+
+def test_real_collections_are_asked_for_by_name(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="give --data"):
+        Place(tmp_path, None, 16).real("mnist")
+    with pytest.raises(UserError, match="is missing; --data"):
+        Place(tmp_path, tmp_path, 16).real("mnist")
