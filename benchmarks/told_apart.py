@@ -7,21 +7,26 @@ were, and so every difference in photographs is one of how maps go together. A w
 the same cannot teach a generator that, whatever the network. Distances of N photographs to N of other true materials:
 patches (`metrics.patch_distance`), beside that of true materials, below which nothing can be told. Writes
 docs/results/materials/told-apart.json.
+
+`--signs` does something coarser instead, to telling-signs.json: one map turned over about its own mean, its
+correlations with the others turned into their opposites; and gloss, k_s and m, made to follow the diffuse map's
+luminance, up or down, ρ = 0.9, whatever it followed before.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import torch
 from results import write
 from torch import Tensor
 
 from unproject.data import observe
 from unproject.metrics import patch_distance
-from unproject.ops.maps import MAPS, pack_maps, unpack_maps
+from unproject.ops.maps import MAPS, luminance, pack_maps, unpack_maps
 from unproject.recipes.materials import SEEN_FROM, WORLDS, natural_light, way_of
 from unproject.training.run_directory import environment
 
@@ -32,36 +37,82 @@ SAMPLES, SIZE, HERE, ELSEWHERE = 32, 64, 2**40, 2**40 + 1
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=300)
+    parser.add_argument("--signs", action="store_true")
     parser.add_argument("--worlds", nargs="*", default=[*WORLDS])
     options = parser.parse_args(argv)
+    if options.signs:
+        cases, name = turned, "telling-signs"
+    else:
+        cases, name = exchanges, "told-apart"
     about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
     light = natural_light([*SEEN_FROM], None)
-    table = {world: {look: told_apart(world, look, light, options.n) for look in SEEN_FROM} for world in options.worlds}
-    write(RESULTS / "told-apart.json", about | {"distances": table})
-    columns = ("none", *MAPS, "all")
+    table = {
+        world: {look: told_apart(world, look, light, options.n, cases) for look in SEEN_FROM}
+        for world in options.worlds
+    }
+    write(RESULTS / f"{name}.json", about | {"distances": table})
+    columns = list(next(iter(next(iter(table.values())).values())))
     print("| world | seen | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 2) + "|")
     for world, rows in table.items():
         for look, row in rows.items():
             print(f"| {world} | {look} | " + " | ".join(f"{row[c]:.3f}" for c in columns) + " |")
 
 
-def told_apart(world: str, look: str, light: Tensor | None, n: int) -> dict[str, float]:
-    """Patch distance of photographs of materials with these maps exchanged to photographs of other materials."""
+Maps = dict[str, Tensor]
+Cases = Callable[[Maps], dict[str, Tensor]]
+
+
+def told_apart(world: str, look: str, light: Tensor | None, n: int, cases: Cases) -> dict[str, float]:
+    """Patch distance of photographs of materials in each case to photographs of other materials as they are."""
     way = way_of(look, light, SAMPLES)
     truth = observe(WORLDS[world](n, SIZE, HERE), [way], seed=0).items
     maps = unpack_maps(WORLDS[world](n, SIZE, ELSEWHERE))
-    found = {}
-    for name, mixed in {"none": (), **{name: (name,) for name in MAPS}, "all": tuple(MAPS)}.items():
-        # The same draws of lights and views for all of them: they differ in the maps alone.
-        seen = observe(exchanged(maps, mixed), [way], seed=1).items
-        found[name] = round(patch_distance(seen, truth).mean, 4)
-    return found
+    # The same draws of lights and views for all of them: they differ in the maps alone.
+    seen = {name: observe(changed, [way], seed=1).items for name, changed in cases(maps).items()}
+    return {name: round(patch_distance(pictures, truth).mean, 4) for name, pictures in seen.items()}
 
 
-def exchanged(maps: dict[str, Tensor], mixed: Sequence[str]) -> Tensor:
+def exchanges(maps: Maps) -> dict[str, Tensor]:
+    """No map, each one, and all of them from other materials."""
+    mixed = {"none": (), **{name: (name,) for name in MAPS}, "all": tuple(MAPS)}
+    return {name: exchanged(maps, which) for name, which in mixed.items()}
+
+
+def exchanged(maps: Maps, mixed: Sequence[str]) -> Tensor:
     """Materials whose named maps come each from another material."""
     shifts = {name: 1 + k for k, name in enumerate(mixed)}
     return pack_maps({name: part.roll(shifts.get(name, 0), 0) for name, part in maps.items()})
+
+
+def turned(maps: Maps) -> dict[str, Tensor]:
+    """No map, each one turned over, and gloss that follows the diffuse map."""
+    upside = maps["normal"].new_tensor([-1, -1, 1])[:, None, None]
+    over = {
+        name: maps["normal"] * upside if name == "normal" else above(2 * mean(x) - x, x) for name, x in maps.items()
+    }
+    light = standardised(luminance(maps["diffuse"]))
+    found = {"none": pack_maps(maps)} | {f"-{name}": pack_maps(maps | {name: x}) for name, x in over.items()}
+    for name, sign in (("gloss after diffuse", 1), ("against", -1)):
+        after = {}
+        for gloss in ("specular", "roughness"):
+            x = maps[gloss]
+            field = 0.9 * sign * light + (1 - 0.9**2) ** 0.5 * standardised(x)
+            after[gloss] = above(mean(x) + x.std((2, 3), keepdim=True) * field, x)
+        found[name] = pack_maps(maps | after)
+    return found
+
+
+def mean(x: Tensor) -> Tensor:
+    return x.mean((2, 3), keepdim=True)
+
+
+def above(x: Tensor, like: Tensor) -> Tensor:
+    """x, not below a twentieth of a map's mean: reflectances and roughness are positive."""
+    return torch.maximum(x, mean(like) / 20)
+
+
+def standardised(x: Tensor) -> Tensor:
+    return (x - mean(x)) / x.std((2, 3), keepdim=True).clamp(min=1e-6)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from unproject._types import UserError
-from unproject.reproduce import Arm, Claim, Figure, Report, write
+from unproject.reproduce import Arm, Claim, Figure, Report, write, write_summary
 from unproject.reproduce.kept import Kept
 
 FIGURE = Figure(
@@ -68,6 +68,12 @@ def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
     assert "http" not in page
+
+
+def test_the_summary_has_every_claim(report: Report, tmp_path: Path) -> None:
+    text = write_summary([report, Report(FIGURE, {})], tmp_path).read_text()
+    assert text.count("| nearer |") == 2 and text.count("2.00, 1.91") == 1 and text.count("not measured") == 3
+    assert "[Fig. 7](fig7.md)" in text and text.count("| ours | ") == 2
 
 
 def test_a_report_of_nothing_is_undecided(tmp_path: Path) -> None:

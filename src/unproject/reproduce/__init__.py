@@ -8,7 +8,7 @@ from .._objects import nearest
 from .._types import UserError
 from .figure import Arm, Claim, Figure, Verdict, overall, verdict
 from .figures import FIGURES
-from .report import Report, write
+from .report import Report, write, write_summary
 from .running import Where, finish, score_finished
 from .structure import STRUCTURES, structure
 
@@ -51,6 +51,8 @@ def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True
     reports = tuple(report_of(figure, where, seeds) for figure in chosen)
     for report in reports:
         write(report, out)
+    if name == "all":
+        write_summary(reports, out)
     return reports
 
 
@@ -70,4 +72,5 @@ __all__ = [
     "structure",
     "verdict",
     "write",
+    "write_summary",
 ]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
@@ -73,6 +74,26 @@ def write(report: Report, folder: Path) -> tuple[Path, ...]:
     return (*texts, *((picture,) if shown else ()))
 
 
+def write_summary(reports: Sequence[Report], folder: Path) -> Path:
+    """all.md: every figure's claims, how many times as good they are at each seed, and what it took."""
+    rows = [["figure", "claim", "scores", "times, by seed", "verdict"]]
+    for report in reports:
+        name = f"[{report.figure.name.replace('fig', 'Fig. ')}]({report.figure.name}.md)"
+        rows.append([name, report.figure.claim, "", "", report.verdict])
+        for judged in report.judged:
+            rows.append(["", judged.claim.text, ", ".join(judged.claim.scores), times(judged), judged.verdict])
+    arms = {key: kept for report in reports for key, kept in report.kept.items()}
+    head = [("heading", "The seed's figures, reproduced"), ("table", rows), ("text", "How it was made:")]
+    with atomic_path(folder / "all.md") as temporary:
+        temporary.write_text(markdown([*head, ("table", made_rows(arms))]), encoding="utf-8")
+    return folder / "all.md"
+
+
+def times(judged: Judged) -> str:
+    """How many times as good as claimed at each seed; 1 is just as claimed."""
+    return ", ".join(f"{math.exp(effect):.2f}" for effect in judged.effects) or "not measured"
+
+
 Block = tuple[str, Any]
 """("heading", text), ("text", text), ("list", lines), ("table", rows, the first one its head), ("picture", path)."""
 
@@ -95,13 +116,11 @@ def blocks_of(report: Report, picture: Path | None) -> list[Block]:
     ]
     if figure.deviations:
         blocks += [("text", "Deviations from the seed:"), ("list", list(figure.deviations))]
-    return [*blocks, ("text", "How it was made:"), ("table", made_rows(report))]
+    return [*blocks, ("text", "How it was made:"), ("table", made_rows(report.kept))]
 
 
 def _claim_row(judged: Judged) -> list[str]:
-    """How many times as good, where 1 is just as claimed."""
-    times = ", ".join(f"{2.718281828459045**e:.2f}" for e in judged.effects)
-    return [f"{judged.claim.text} ({', '.join(judged.claim.scores)})", times or "not measured", judged.verdict]
+    return [f"{judged.claim.text} ({', '.join(judged.claim.scores)})", times(judged), judged.verdict]
 
 
 def score_rows(report: Report) -> list[list[str]]:
@@ -124,16 +143,15 @@ def _cell(contents: Sequence[dict[str, Any]], score: str) -> str:
     return f"{mean(values):.3g}" + (f" ({each})" if len(values) > 1 else "")
 
 
-def made_rows(report: Report) -> list[list[str]]:
-    rows = [["arm", "seed", "command", "steps", "commit", "when", "machine"]]
-    for (arm, seed), kept in sorted(report.kept.items()):
+def made_rows(arms: Mapping[tuple[str, int], Kept]) -> list[list[str]]:
+    rows = [["arm", "seed", "command", "steps", "minutes", "commit", "when", "machine"]]
+    for (arm, seed), kept in sorted(arms.items()):
         content = kept.read()
         made = content["environment"]
         machine = f"{made['cuda'] or made['processor']}, {made['cpus']} cores, {made['threads']} threads"
         command = " ".join(("unproject", *made["command"][1:]))
-        rows.append(
-            [arm, str(seed), command, str(content["steps"]), str(made["commit"]), made["started"][:10], machine]
-        )
+        took = [str(content["steps"]), f"{content['seconds'] / 60:.1f}", str(made["commit"]), made["started"][:10]]
+        rows.append([arm, str(seed), f"`{command}`", *took, machine])
     return rows
 
 
