@@ -60,13 +60,21 @@ def test_any_mix_of_observations() -> None:
 
 def test_photographs_count_more_than_maps() -> None:
     looks = [look for look, _ in wood_materials(maps=2, renderings=2, emphasis=2.5, **TOY).looks]
-    assert {look.name: look.weight for look in looks} == dict.fromkeys(MAPS, 1.0) | {"flash": 2.5, "coloured": 2.5}
+    assert {look.name: look.weight for look in looks} == dict.fromkeys(MAPS, 1.0) | dict.fromkeys(
+        ("flash", "coloured", "ambient"), 2.5
+    )
+
+
+def test_discriminators_of_photographs_are_smoother() -> None:
+    looks = [look for look, _ in wood_materials(maps=2, renderings=2, smoothing=7.0, **TOY).looks]
+    assert {look.smoothing for look in looks if look.name in MAPS} == {1.0}
+    assert {look.smoothing for look in looks if look.name not in MAPS} == {7.0}
 
 
 def test_direct_training_sees_as_many_images() -> None:
     recipe = wood_materials(views="direct", maps=6, renderings=4, **TOY)
     ((look, collection),) = recipe.looks
-    assert look.name == "itself" and collection.items.shape == ((4 * 6 + 2 * 4) // 4, 8, 16, 16)
+    assert look.name == "itself" and collection.items.shape == ((4 * 6 + 3 * 4) // 4, 8, 16, 16)
 
 
 def test_the_worlds_differ() -> None:
@@ -106,7 +114,7 @@ def test_patches_of_a_few_large_materials(tmp_path: Path) -> None:
     large = {name: part.numpy() for name, part in zip(MAPS, wood(2, 64, 0).split([3, 1, 1, 3], 1), strict=True)}
     np.savez(tmp_path / "few.npz", **large)  # pyright: ignore[reportArgumentType]
     recipe = wood_materials(data=tmp_path / "few.npz", maps=20, renderings=10, **TOY)
-    assert [len(collection) for _, collection in recipe.looks] == [20, 20, 20, 20, 10, 10]
+    assert [len(collection) for _, collection in recipe.looks] == [20, 20, 20, 20, 10, 10, 10]
 
 
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from toy import BINS, CHAIRS, SIZE, toy
 from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.adversarial.assignment import Known
+from unproject.adversarial.penalties import R1R2
 from unproject.data import Collection, chairs
 from unproject.networks import Discriminator
 from unproject.projections.base import Projection
@@ -83,12 +84,29 @@ def test_an_observation_counts_as_often_as_its_weight(tmp_path: Path, monkeypatc
     assert first + second == pytest.approx(4 * even, rel=1e-4) and abs(first - second) > 1e-4
 
 
-def weighted(*weights: float) -> Recipe:
+def weighted(*weights: float, field: str = "weight") -> Recipe:
     looks = [
-        (Observation(o.name, o.projection, o.prior, weight), seen)
+        (replace(o, **{field: weight}), seen)
         for (o, seen), weight in zip(looking(Plan(), Plan(0.5)).looks, weights, strict=True)
     ]
     return toy(steps=1, views="known").replace(looks=looks)
+
+
+def test_a_discriminator_is_smoothed_as_its_observation_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The penalty is Σ_i s_i penalty_i, in the first update, before which nothing differs."""
+    found, update = [], Loop._update_discriminators  # pyright: ignore[reportPrivateUsage]
+
+    def spy(self: Loop, *arguments: Any) -> dict[str, Tensor]:
+        losses = update(self, *arguments)
+        found.append(losses["penalty"].item())
+        return losses
+
+    monkeypatch.setattr(Loop, "_update_discriminators", spy)
+    for smoothing in ((1, 1), (3, 1), (1, 3)):
+        recipe = weighted(*smoothing, field="smoothing").replace(penalty=R1R2(1.0, every=1))
+        train(recipe, tmp_path / str(smoothing), quiet=True)
+    even, first, second = found
+    assert first + second == pytest.approx(4 * even, rel=1e-4) and abs(first - second) > 1e-6 * even
 
 
 def test_balanced_panels_pull_alike(tmp_path: Path) -> None:
@@ -119,6 +137,11 @@ def test_ways_that_one_discriminator_judges_have_one_weight() -> None:
     heavy = Observation(other.name, other.projection, other.prior, 2.0)
     with pytest.raises(UserError, match="'look 0', 'look 1' share .* one weight"):
         build_panels(looking(Plan()).replace(looks=[(first, seen), (heavy, also)]))
+    smooth = replace(other, smoothing=2.0)
+    with pytest.raises(UserError, match="'look 0', 'look 1' share .* one smoothing"):
+        build_panels(looking(Plan()).replace(looks=[(first, seen), (smooth, also)]))
+    with pytest.raises(UserError, match="smoothing=-1: must be positive"):
+        Observation("dark", Plan(), Product(), 1.0, -1.0)
     with pytest.raises(UserError, match="weight=0: must be positive"):
         Observation("dark", Plan(), Product(), 0.0)
 

@@ -12,7 +12,7 @@ grazing      a photograph from 80 ± 5° under natural light
 flash        from the top, directional light at normal incidence
 lamp         from the top, directional light from anywhere above
 raking       from the top, directional light from the left, 60 ± 5° from the normal
-coloured     from the top, three lamps 45 ± 5° from the normal: red at the left, green below right, blue above right
+coloured     from the top, three lamps 60 ± 5° from the normal: red at the left, green below right, blue above right
 ambient      from the top, constant light
 ============ =====================================================================================
 """
@@ -62,9 +62,10 @@ from ..training.recipe import Adam, Recipe
 World = Callable[[int, int, int], Tensor]
 Views = Literal["known", "direct"]
 SEEN_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "raking": 0.0, "coloured": 0.0, "ambient": 0.0}
-STANDING = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(45), math.pi)}
+STANDING = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), math.pi)}
 """From the normal, and around it, of lamps that stand where they are."""
 BALANCE = 16  # steps between two measurements of how hard each way of looking pulls
+SMOOTHING = 20.0
 ENLARGED = 4  # folders of textures are read at so many times the size of what is cut out of them
 
 
@@ -88,6 +89,7 @@ def materials(
     rate: float = 1.5e-3,
     gamma: float = 0.5,
     emphasis: float = 3.0,
+    smoothing: float = SMOOTHING,
     checkpoint_every: int = 250,
 ) -> Recipe:
     """Materials from any mix of maps and photographs; `wood`, `metal` and `plastic` are this with their world.
@@ -97,8 +99,8 @@ def materials(
         data: a folder with a sub-folder of pictures for each look; or folders of textures, or an .npz of maps, of
             which patches are seen through `looks`; the embedded world unless given.
         views: known, or direct: one discriminator of all maps at once, with as many images in all.
-        looks: the observations, by name; unless given, those that `data` has sub-folders for, or the four maps, flash
-            and coloured: what hard light shows of how the maps go together, light from everywhere hides.
+        looks: the observations, by name; unless given, those that `data` has sub-folders for, or the four maps, flash,
+            coloured and ambient, each of which tells something else of how the maps go together.
         maps: how many samples each map has.
         renderings: how many pictures each kind of photograph has.
         probes: natural light: a folder, an .npz or one file; five built in unless given.
@@ -114,6 +116,7 @@ def materials(
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
         emphasis: how much photographs count in the loss of the generator, where a map counts 1: they tell how maps go
             together.
+        smoothing: how many times gamma counts for photographs: some hundred of them would be learned by heart.
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
@@ -121,7 +124,9 @@ def materials(
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels),
         discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
-        looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples, emphasis),
+        looks=pairs_of(
+            source, views, looks or looks_of(data), maps, renderings, probes, samples, (emphasis, smoothing)
+        ),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
         generator_optimiser=adam,
@@ -219,9 +224,9 @@ def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
 
 
 def looks_of(data: Path | None) -> tuple[str, ...]:
-    """The observations that `data` has sub-folders for, if it has any; else the maps, flash and coloured."""
+    """The observations that `data` has sub-folders for, if it has any; else the maps, flash, coloured and ambient."""
     found = () if data is None else tuple(name for name in (*MAPS, *SEEN_FROM) if holds_sightings(data, (name,)))
-    return found or (*MAPS, "flash", "coloured")
+    return found or (*MAPS, "flash", "coloured", "ambient")
 
 
 def pairs_of(
@@ -232,13 +237,16 @@ def pairs_of(
     renderings: int,
     probes: Path | None,
     samples: int,
-    emphasis: float = 1.0,
+    care: tuple[float, float] = (1.0, 1.0),
 ) -> list[tuple[Observation, Collection]]:
-    """Each observation and what it saw; or the materials themselves, as many images in all."""
+    """Each observation and what it saw; or the materials themselves, as many images in all.
+
+    `care` is how photographs are weighed and their discriminators smoothed.
+    """
     counts = dict.fromkeys(MAPS, maps) | dict.fromkeys(SEEN_FROM, renderings)
     chosen = [name for name in dict.fromkeys(names) if counts.get(name, 1)]
     natural = natural_light(chosen, probes)
-    ways = [way_of(name, natural, samples, emphasis) for name in chosen]
+    ways = [way_of(name, natural, samples, *care) for name in chosen]
     if not ways:
         raise UserError("looks: name at least one observation, with at least one sample")
     if views == "direct":
@@ -259,8 +267,10 @@ def natural_light(names: Sequence[str], probes: Path | None, height: int = 32) -
     return procedural_probes(height)[0] if probes is None else read_probes(probes, height)[0]
 
 
-def way_of(name: str, natural: Tensor | None, samples: int, emphasis: float = 1.0) -> Observation:
-    """The observation of this name; photographs have the weight `emphasis`."""
+def way_of(
+    name: str, natural: Tensor | None, samples: int, emphasis: float = 1.0, smoothing: float = 1.0
+) -> Observation:
+    """The observation of this name; photographs have the weight `emphasis`, and `smoothing`."""
     if name in MAPS:
         return Observation(name, Selection(name), Product())
     if name not in SEEN_FROM:
@@ -271,14 +281,14 @@ def way_of(name: str, natural: Tensor | None, samples: int, emphasis: float = 1.
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
     light, azimuth = ({"flash": (0.0, None)} | STANDING).get(name, (None, None))
     prior = rendering_prior(rendering, math.radians(SEEN_FROM[name]), light, light_azimuth=azimuth)
-    return Observation(name, rendering, prior, emphasis)
+    return Observation(name, rendering, prior, emphasis, smoothing)
 
 
 def seen_by(look: Observation, pictures: Tensor) -> tuple[Observation, Collection]:
     """An observation whose results are brought to the mean and deviation of what it saw, and that, likewise."""
     brought = standardised(look.projection, pictures)
     seen = Collection.from_tensor(brought.standardise(pictures), source=f"{len(pictures)} through {look.name}")
-    return Observation(look.name, brought, look.prior, look.weight), seen
+    return Observation(look.name, brought, look.prior, look.weight, look.smoothing), seen
 
 
 def _of(function: Callable[..., Recipe], world: World, name: str) -> Callable[..., Recipe]:

@@ -182,7 +182,8 @@ class Loop:
             batch.real_logits = real.detach()
             if penalise and recipe.penalty is not None:
                 rng = generator_at(recipe.seed, draw, f"penalty/{index}/{self.distribution.rank}")
-                smooth = smooth + recipe.penalty(batch.judge, batch.real, batch.fake.detach(), rng)
+                found = recipe.penalty(batch.judge, batch.real, batch.fake.detach(), rng)
+                smooth = smooth + batch.panel.smoothing * found
         self._apply(state.discriminators, state.discriminator_optimiser, total + smooth)
         return {"loss_d": total.detach()} | ({"penalty": smooth.detach()} if penalise else {})
 

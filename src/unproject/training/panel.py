@@ -37,6 +37,10 @@ class Panel:
         return self.observations[0].weight
 
     @property
+    def smoothing(self) -> float:
+        return self.observations[0].smoothing
+
+    @property
     def shape(self) -> tuple[int, ...]:
         return tuple(self.items.shape[1:])
 
@@ -65,9 +69,10 @@ def build_panels(recipe: Recipe) -> list[Panel]:
         key = (_identity(observation.projection), tuple(collection.items.shape[1:]))
         groups.setdefault(key, []).append(index)
     for rows in groups.values():
-        if len({recipe.looks[i][0].weight for i in rows}) > 1:
-            names = ", ".join(repr(recipe.looks[i][0].name) for i in rows)
-            raise UserError(f"observations {names} share a projection and a discriminator: give them one weight")
+        for what in ("weight", "smoothing"):
+            if len({getattr(recipe.looks[i][0], what) for i in rows}) > 1:
+                names = ", ".join(repr(recipe.looks[i][0].name) for i in rows)
+                raise UserError(f"observations {names} share a projection and a discriminator: give them one {what}")
     panels = [_panel(recipe, [recipe.looks[i] for i in rows]) for rows in groups.values()]
     if not isinstance(recipe.assignment, Known) and (len(panels) != 1 or len(recipe.looks) < 2):
         kind = type(recipe.assignment).__name__
