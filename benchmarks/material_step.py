@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(options.threads)
     print("| renderings | step | generator | looking | discriminators' update | rendering, both ways | its share |")
     print("|---" * 7 + "|")
-    for renderings in (("top", "grazing"), ("flash", "coloured")):
+    for renderings in (("top", "grazing"), ("flash", "coloured"), ("flash", "coloured", "ambient")):
         found = {name: median(values[WARM:]) for name, values in profile(renderings, options).items()}
         cells = [f"{found[name]:.3f} s" for name in ("step", *PARTS.values(), "rendering")]
         print(f"| {', '.join(renderings)} | " + " | ".join(cells) + f" | {found['rendering'] / found['step']:.0%} |")
