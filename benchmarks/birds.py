@@ -14,16 +14,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 import torch
-from torch import Tensor
 
 from unproject import export
 from unproject.data import read
 from unproject.recipes import origin
 from unproject.recipes.shapes import shapes
+from unproject.reproduce.running import EACH, grouped
 from unproject.training import load, train
 from unproject.training.evaluation import assigned_panel, evaluate
-
-COLUMNS = 12
 
 
 def main() -> None:
@@ -50,7 +48,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.png", size=128)
     export.silhouette_sheet(
-        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=COLUMNS
+        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=EACH
     )
     masks = read(options.data, size=options.size)
     scores = evaluate(run, recipe, masks, n=len(masks), seed=options.seed)
@@ -62,15 +60,6 @@ def main() -> None:
     }
     result = {**about, "scores": {name: asdict(score) for name, score in scores.items()}}
     (options.out / "birds.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-
-
-def grouped(masks: Tensor, ways: Tensor, bins: int) -> Tensor:
-    """One row of masks a view bin: the first dozen assigned to it, the rest of the row empty."""
-    rows = []
-    for k in range(bins):
-        chosen = masks[ways == k][:COLUMNS]
-        rows += [chosen, masks.new_zeros(COLUMNS - len(chosen), *masks.shape[1:])]
-    return torch.cat(rows)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from results import made_by, write
+from results import write
 
 from unproject import export
 from unproject.data import observe, read
@@ -46,6 +46,7 @@ from unproject.projections.observation import Observation
 from unproject.projections.priors import TURN, Empirical, Product, Uniform
 from unproject.projections.silhouette import Silhouette
 from unproject.recipes import rebuild
+from unproject.reproduce.kept import made_by
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_panel, supervised_ceiling, true_views
 from unproject.training.run_directory import read_recipe

@@ -22,12 +22,13 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageDraw, ImageFont
-from results import made_by, write
+from results import write
 from torch import Tensor
 
 from unproject.data import read_images
 from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
 from unproject.recipes import rebuild
+from unproject.reproduce.kept import made_by
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_accuracy, assigned_panel, free_turns, supervised_ceiling, true_views
 from unproject.training.run_directory import read_recipe

@@ -31,28 +31,25 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from PIL import Image
-from results import made_by, write
+from results import write
 from torch import Tensor
 
-from unproject.data import material_patches, observe, procedural_probes, read_materials, read_probes
 from unproject.export import material_sheet
-from unproject.export.materials import to_srgb
 from unproject.metrics import map_correlations, material_scores
 from unproject.ops.maps import MAPS, pack_maps, unpack_maps
-from unproject.recipes.materials import WORLDS, way_of
+from unproject.recipes.materials import WORLDS
+from unproject.reproduce.kept import made_by
+from unproject.reproduce.sources import SOURCES, Place
 from unproject.training import load
 from unproject.training.pictures import relit
 
@@ -124,65 +121,8 @@ def pictures_of(arm: str, options: argparse.Namespace) -> dict[str, Path]:
     """`--data` and `--probes` of the arms that learn from pictures in folders; these are written first."""
     if arm not in ("metal", "plastic", "woodreal"):
         return {}
-    ours, theirs = probes(options)
-    folder = options.runs / f"pictures-{arm}"
-    light = options.runs / "probes"
-    if not light.exists():
-        light.mkdir(parents=True)
-        for k, probe in enumerate(ours):
-            np.save(light / f"{k:02d}.npy", probe.permute(1, 2, 0).numpy())
-    if not folder.exists():
-        counts = ARMS[arm][1]
-        unfinished = folder.with_suffix(".unfinished")
-        shutil.rmtree(unfinished, ignore_errors=True)
-        write_pictures(unfinished, materials_of(arm, options), counts["maps"], counts["renderings"], theirs)
-        if arm == "woodreal":
-            with np.load(options.data / "materials" / "ambientcg_diffuse64_wood.npz") as albedos:
-                for k, albedo in enumerate(albedos["albedo64"]):
-                    Image.fromarray(albedo).save(unfinished / "diffuse" / f"albedo-{k:03d}.png")
-        unfinished.rename(folder)
-    return {"data": folder, "probes": light}
-
-
-def probes(options: argparse.Namespace) -> tuple[Tensor, Tensor]:
-    """Light for training and light of the photographs: every other probe; none is in both."""
-    every = procedural_probes(32)[0] if options.data is None else read_probes(options.data / "hdr", 32)[0]
-    return every[::2], every[1::2]
-
-
-World = Callable[[int, int], Tensor]
-
-
-def materials_of(arm: str, options: argparse.Namespace) -> World:
-    """(count, seed) → materials."""
-    if arm != "woodreal":
-        return lambda count, seed: WORLDS[arm](count, SIZE, seed)
-    sets = read_materials(options.data / "materials" / "svbrdf" / "wood", 4 * SIZE)[0]
-    return lambda count, seed: material_patches(sets, count, SIZE, seed, turn=0.1)
-
-
-def write_pictures(folder: Path, things: World, maps: int, renderings: int, light: Tensor) -> None:
-    """A folder a way of looking, of PNGs, as `--data` takes them; no two pictures are of one material."""
-    encoded = {
-        "diffuse": lambda c: torch.from_numpy(to_srgb(c.numpy())),
-        "roughness": torch.sqrt,
-        "normal": lambda n: n / 2 + 0.5,
-        "specular": lambda s: s,
-    }
-    for k, name in enumerate(MAPS):
-        _write(folder / name, encoded[name](things(maps, PICTURES + k)[:, MAPS[name]]))
-    for k, name in enumerate(("top", "grazing")):
-        seen = observe(things(renderings, PICTURES + 10 + k), [way_of(name, light, 64)], seed=k)
-        _write(folder / name, seen.items)
-
-
-def _write(folder: Path, values: Tensor) -> None:
-    """Colours and normals in 8 bits, grey maps in 16: a specular albedo of 0.04 is ten steps of 8 bits."""
-    folder.mkdir(parents=True)
-    for k, image in enumerate(values.clamp(0, 1).numpy()):
-        grey = len(image) == 1
-        pixels = (image[0] * 65535 + 0.5).astype(np.uint16) if grey else (image * 255 + 0.5).astype(np.uint8)
-        Image.fromarray(pixels if grey else np.moveaxis(pixels, 0, 2)).save(folder / f"{k:05d}.png")
+    learned_from, _ = SOURCES["wood-real" if arm == "woodreal" else arm]
+    return learned_from(Place(options.runs, options.data, SIZE))
 
 
 def score(arm: str, seed: int, out: Path) -> None:

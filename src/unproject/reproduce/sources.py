@@ -119,9 +119,7 @@ def car_volumes(place: Place) -> Path:
         for k, name in enumerate(arrays["name"]):
             if not any(word in str(name) for word in NOT_CARS):
                 points, corners = (slice(*arrays[f"{part}_start"][k : k + 2]) for part in ("vert", "face"))
-                faces = arrays["faces"][corners]
-                own = faces - (arrays["vert_start"][k] if faces.min() >= arrays["vert_start"][k] else 0)
-                volumes.append(voxelise(normalised(arrays["verts"][points]), own, place.size))
+                volumes.append(voxelise(normalised(arrays["verts"][points]), arrays["faces"][corners], place.size))
         with path.open("wb") as written:
             np.savez_compressed(written, volume=np.stack(volumes).astype(np.uint8))
 
