@@ -43,20 +43,20 @@ def toy(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", "toy", "--parallel", "2", "--threads", "1"]) == 0
-    kept = tmp_path / "reproduction" / "results"
-    names = {f"toy-{arm}-{seed}" for arm in ("known", "single") for seed in (0, 1)}
+    kept = tmp_path / "reproduction" / "cpu" / "results"
+    names = {f"toy-{arm}-{seed}" for arm in ("known", "single") for seed in (0, 1)} | {"truth-digits-0"}
     assert {path.stem for path in kept.glob("*.json")} == names
     assert {path.name for path in kept.glob("*-views.png")} == set()  # line integrals are no pictures
-    assert {path.suffix for path in (tmp_path / "reproduction").glob("toy.*")} == {".md", ".html", ".png"}
+    assert {path.suffix for path in (tmp_path / "reproduction" / "cpu").glob("toy.*")} == {".md", ".html", ".png"}
     content = json.loads((kept / "toy-known-1.json").read_text())
     assert content["seed"] == 1 and content["steps"] == 2 and content["budget"] == "cpu"
     assert content["environment"]["command"][1:3] == ["train", "digits"] and str(tmp_path) not in json.dumps(content)
 
     before = {path: path.stat().st_mtime_ns for path in kept.iterdir()}
-    os.remove(tmp_path / "reproduction" / "toy.md")
+    os.remove(tmp_path / "reproduction" / "cpu" / "toy.md")
     assert main(["reproduce", "toy", "--report"]) == 0
     assert {path: path.stat().st_mtime_ns for path in kept.iterdir()} == before
-    assert (tmp_path / "reproduction" / "toy.md").exists()
+    assert (tmp_path / "reproduction" / "cpu" / "toy.md").exists()
 
     shutil.rmtree(kept)
     assert main(["reproduce", "toy", "--report", "--seeds", "1"]) == 0
@@ -137,19 +137,33 @@ def test_files_are_made_once_and_never_half(tmp_path: Path) -> None:
 
 def test_a_family_is_written_as_the_recipe_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.reproduce.sources.SHAPES", 3)
-    data, reference = family(birds, "birds")
+    source = family(birds, "birds")
     place = Place(tmp_path, None, 16)
-    with np.load(data(place)["data"]) as arrays:
+    with np.load(source.flags(place)["data"]) as arrays:
         assert np.array_equal(arrays["volume"], birds(3, 16).numpy().astype(np.uint8))
-    assert not torch.equal(reference(place)[:3], birds(3, 16))
+    assert not torch.equal(source.reference(place)[:3], birds(3, 16))
 
 
 def test_photographs_are_lit_as_training_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.reproduce.sources.PHOTOGRAPHED", {"metal": (2, 3)})
-    flags = photographed("metal")[0](Place(tmp_path, None, 16))
+    flags = photographed("metal").flags(Place(tmp_path, None, 16))
     counts = {folder.name: len(list(folder.iterdir())) for folder in flags["data"].iterdir()}
     assert counts == dict.fromkeys(("diffuse", "specular", "roughness", "normal"), 2) | {"top": 3, "grazing": 3}
     assert len(list(flags["probes"].glob("*.npy"))) == 3  # of five, every other
+
+
+def test_true_things_are_scored_once_and_shuffled_maps_do_not_go_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unproject.reproduce.sources.MATERIALS", 48)
+    where = Where(tmp_path, tmp_path / "kept", None, "cpu")
+    running.score_truth("wood", 16, where)
+    errors = {name: kept.values()["correlation_error"] for name, kept in where.truths("wood").items()}
+    assert errors["truth"] < errors["shuffled"] / 2
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()}
+    assert len(before) == 4
+    running.score_truth("wood", 16, where)
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()} == before
 
 
 def test_real_collections_are_asked_for_by_name(tmp_path: Path) -> None:

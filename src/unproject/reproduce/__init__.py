@@ -6,10 +6,11 @@ from pathlib import Path
 
 from .._objects import nearest
 from .._types import UserError
+from .budgets import flags_of
 from .figure import Arm, Claim, Figure, Verdict, overall, verdict
 from .figures import FIGURES
 from .report import Report, write, write_summary
-from .running import Where, finish, score_finished
+from .running import Where, finish, score_finished, score_truth
 from .structure import STRUCTURES, structure
 
 NAMES = (*STRUCTURES, *FIGURES)
@@ -36,7 +37,9 @@ def report_of(figure: Figure, where: Where, seeds: int) -> Report:
     results = {
         (arm.name, seed): where.result(arm, seed) for arm in (*figure.arms, *figure.real) for seed in range(seeds)
     }
-    return Report(figure, {key: kept for key, kept in results.items() if kept.exists})
+    sources = dict.fromkeys(arm.source for arm in (*figure.arms, *figure.real))
+    truths = {kept.arm: kept for source in sources for kept in where.truths(source).values() if kept.exists}
+    return Report(figure, {key: kept for key, kept in results.items() if kept.exists}, truths)
 
 
 def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True) -> tuple[Report, ...]:
@@ -45,9 +48,11 @@ def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True
     Without `train`, only what is there is scored and reported.
     """
     chosen = figures_of(name)
+    arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, where)}
     for seed in range(seeds):
-        arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, where)}
         (finish if train else score_finished)([(arm, seed) for arm in arms.values()], where)
+    for arm in arms.values():
+        score_truth(arm.source, flags_of(arm, where.budget)["size"], where)
     reports = tuple(report_of(figure, where, seeds) for figure in chosen)
     for report in reports:
         write(report, out)

@@ -224,6 +224,7 @@ FIGURES = {
                     Arm(things, things, things, "1000 of each map, 5000 photographs each, light unknown", PHOTOGRAPHS),
                     Arm(f"{things}-paper", f"{things}-paper", things, "the same, the seed's recipe"),
                 ),
+                real=(Arm(f"{things}-real", things, f"{things}-real", "the same under real probes", PHOTOGRAPHS),),
                 claims=(Claim(PAPER, things, f"{things}-paper", PATCHES, factor=3),),
                 deviations=(
                     "Photographs of OpenSurfaces are not public in that form: renderings under light that training "

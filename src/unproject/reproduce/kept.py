@@ -38,9 +38,9 @@ class Kept:
     def exists(self) -> bool:
         return self.file.exists()
 
-    def write(self, scores: Mapping[str, Score], run: Path, step: int, budget: str) -> None:
-        about = {"arm": self.arm, "seed": self.seed, "budget": budget, "steps": step} | made_by(run)
-        write_json(self.file, about | {"scores": {name: asdict(score) for name, score in scores.items()}})
+    def write(self, scores: Mapping[str, Score], about: Mapping[str, Any]) -> None:
+        content = {"arm": self.arm, "seed": self.seed} | dict(about)
+        write_json(self.file, content | {"scores": {name: asdict(score) for name, score in scores.items()}})
 
     def read(self) -> dict[str, Any]:
         """Raises UserError if the file is damaged."""

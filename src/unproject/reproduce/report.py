@@ -6,7 +6,7 @@ import base64
 import html
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import mean
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from .._files import atomic_path
-from .figure import Arm, Claim, Figure, Verdict, overall, verdict
+from .figure import Claim, Figure, Verdict, overall, verdict
 from .kept import Kept
 
 LABEL, GAP, WIDEST = 22, 12, 1800
@@ -34,10 +34,11 @@ class Judged:
 
 @dataclass(frozen=True)
 class Report:
-    """A figure and what is kept of its arms: (arm, seed) → result."""
+    """A figure and what is kept of its arms: (arm, seed) → result; and of true things: name → result."""
 
     figure: Figure
     kept: dict[tuple[str, int], Kept]
+    truths: dict[str, Kept] = field(default_factory=dict)
 
     @property
     def judged(self) -> tuple[Judged, ...]:
@@ -124,7 +125,7 @@ def _claim_row(judged: Judged) -> list[str]:
 
 
 def score_rows(report: Report) -> list[list[str]]:
-    """The scores that claims are about: the mean over seeds, and each seed's in brackets."""
+    """The scores that claims are about: the mean over seeds, and each seed's in brackets; then those of true things."""
     columns = list(dict.fromkeys(s for claim in report.figure.claims for s in claim.scores))
     rows = [["arm", "minutes", *columns]]
     for arm in (*report.figure.arms, *report.figure.real):
@@ -132,6 +133,8 @@ def score_rows(report: Report) -> list[list[str]]:
         if contents:
             minutes = ", ".join(f"{c['seconds'] / 60:.1f}" for c in contents)
             rows.append([arm.name, minutes, *(_cell(contents, column) for column in columns)])
+    for name, kept in report.truths.items():
+        rows.append([name, "", *(_cell([kept.read()], column) for column in columns)])
     return rows
 
 
@@ -202,14 +205,17 @@ def page(title: str, blocks: Sequence[Block]) -> str:
 
 
 def save_picture(report: Report, path: Path) -> bool:
-    """The first seed's sheet of each arm beside one another, under its name; False if there is none."""
-    sheets = []
+    """True things and the first seed's of each arm beside one another, each under its name; False if there are none."""
+    shown = report.figure.shows
+    sheets: dict[str, Path] = {}
     for arm in (*report.figure.arms, *report.figure.real):
-        kept = [report.kept[arm.name, seed] for seed in report.seeds(arm.name)]
-        path_of = {"things": lambda one: one.picture, "views": lambda one: one.views}[report.figure.shows]
-        if kept and path_of(kept[0]).exists():
-            with Image.open(path_of(kept[0])) as picture:
-                sheets.append((arm, picture.convert("RGB")))
+        truth = f"truth-{arm.source}"
+        if shown == "things" and truth in report.truths:
+            sheets[truth] = report.truths[truth].picture
+        for seed in report.seeds(arm.name)[:1]:
+            kept = report.kept[arm.name, seed]
+            sheets[arm.name] = kept.picture if shown == "things" else kept.views
+    sheets = {name: sheet for name, sheet in sheets.items() if sheet.exists()}
     if not sheets:
         return False
     joined = _beside(sheets)
@@ -220,12 +226,16 @@ def save_picture(report: Report, path: Path) -> bool:
     return True
 
 
-def _beside(sheets: Sequence[tuple[Arm, Image.Image]]) -> Image.Image:
-    width = sum(picture.width + GAP for _, picture in sheets) - GAP
-    sheet = Image.new("RGB", (width, LABEL + max(picture.height for _, picture in sheets)), "white")
+def _beside(paths: Mapping[str, Path]) -> Image.Image:
+    pictures = {}
+    for name, path in paths.items():
+        with Image.open(path) as picture:
+            pictures[name] = picture.convert("RGB")
+    width = sum(picture.width + GAP for picture in pictures.values()) - GAP
+    sheet = Image.new("RGB", (width, LABEL + max(picture.height for picture in pictures.values())), "white")
     draw, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(size=14), 0
-    for arm, picture in sheets:
-        draw.text((left + 2, 3), arm.name, "black", font)
+    for name, picture in pictures.items():
+        draw.text((left + 2, 3), name, "black", font)
         sheet.paste(picture, (left, LABEL))
         left += picture.width + GAP
     return sheet

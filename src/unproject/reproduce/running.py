@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,14 @@ from ..data import Collection
 from ..data.correlated import octave_correlations
 from ..export import silhouette_sheet
 from ..metrics import Score
-from ..ops.maps import kind_of
+from ..ops.maps import kind_of, pack_maps, unpack_maps
 from ..recipes import rebuild
 from ..training import Origin, Recipe, Run, checkpoint, load
-from ..training.evaluation import assigned_panel, evaluate
+from ..training.evaluation import assigned_panel, evaluate, score_things
 from ..training.pictures import save_picture
 from .budgets import flags_of
 from .figure import Arm, Budget
-from .kept import Kept, seconds_of
+from .kept import Kept, made_by, seconds_of
 from .sources import SOURCES, Place
 
 EACH = 12  # images a view in a picture
@@ -65,6 +66,10 @@ class Where:
     def result(self, arm: Arm, seed: int) -> Kept:
         return Kept(self.kept, arm.name, seed)
 
+    def truths(self, source: str) -> dict[str, Kept]:
+        """Of other true things, and of materials whose maps belong to different ones: what arms are to be read by."""
+        return {name: Kept(self.kept, f"{name}-{source}", 0) for name in ("truth", "shuffled")}
+
 
 def finish(jobs: Iterable[tuple[Arm, int]], where: Where) -> None:
     """Train and score what is not yet kept.
@@ -90,7 +95,7 @@ def _words(flags: Mapping[str, Any]) -> list[str]:
 def _train(arm: Arm, seed: int, where: Where) -> None:
     out = where.run(arm, seed)
     flags = flags_of(arm, where.budget)
-    flags |= SOURCES[arm.source][0](where.place(flags["size"]))
+    flags |= SOURCES[arm.source].flags(where.place(flags["size"]))
     if (out / "recipe.json").exists():
         budget = {name: value for name, value in flags.items() if name in ("steps", "minutes")}
         words = ["resume", str(out), *_words(budget)]
@@ -125,10 +130,10 @@ def is_finished(arm: Arm, seed: int, where: Where) -> bool:
 def score(arm: Arm, seed: int, where: Where) -> None:
     """Score a finished run and keep the scores and a picture of the first things it makes, none chosen."""
     run = load(where.run(arm, seed))
-    kept = where.result(arm, seed)
+    kept, about = where.result(arm, seed), {"budget": where.budget}
     kept.folder.mkdir(parents=True, exist_ok=True)
     one = run.generator.sample(1, seed)
-    reference = SOURCES[arm.source][1](where.place(one.shape[-1]))
+    reference = SOURCES[arm.source].reference(where.place(one.shape[-1]))
     generated = run.generator.sample
     save_picture(lambda n: generated(n, seed), kept.picture)
     recipe = rebuild(Origin(run.recipe["recipe"], run.recipe["arguments"]))
@@ -137,7 +142,33 @@ def score(arm: Arm, seed: int, where: Where) -> None:
         if panel.items.dim() == 4:
             rows = grouped(panel.items, panel.ways, len(panel.observations))
             silhouette_sheet(rows, kept.views, columns=EACH)
-    kept.write(scores_of(run, recipe, arm, reference, seed), run.path, run.step, where.budget)
+    kept.write(scores_of(run, recipe, arm, reference, seed), about | {"steps": run.step} | made_by(run.path))
+
+
+def score_truth(source: str, size: int, where: Where) -> None:
+    """Score other true things of a source, and materials put together of different ones' maps, and keep that."""
+    others, truths = SOURCES[source].others, where.truths(source)
+    if others is None or truths["truth"].exists:
+        return
+    place, rng = where.place(size), torch.Generator().manual_seed(0)
+    things = others(place)
+    things = things[torch.randperm(len(things), generator=rng)[: MANY[kind_of(things)]]]
+    sets: dict[str, Tensor] = {}
+    if kind_of(things) == "maps":
+        mixed = {name: part[torch.randperm(len(part), generator=rng)] for name, part in unpack_maps(things).items()}
+        sets["shuffled"] = pack_maps(mixed)
+    reference = SOURCES[source].reference(place)
+    where.kept.mkdir(parents=True, exist_ok=True)
+    for name, chosen in (sets | {"truth": things}).items():
+        save_picture(partial(_first, chosen), truths[name].picture)
+        scores = score_things(chosen, reference)
+        if source == "correlated":
+            scores |= octave_scores(chosen)
+        truths[name].write(scores, {"budget": where.budget})
+
+
+def _first(things: Tensor, n: int) -> Tensor:
+    return things[:n]
 
 
 def grouped(images: Tensor, ways: Tensor, bins: int) -> Tensor:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +75,27 @@ class Place:
 
 
 Flags = dict[str, Any]
-Source = tuple[Callable[[Place], Flags], Callable[[Place], Tensor]]
-"""Flags that name what to learn from; and what to score against."""
+Draw = Callable[[Place], Tensor]
+
+
+@dataclass(frozen=True)
+class Source:
+    """What an arm learns from and is scored against.
+
+    Attributes:
+        flags: of the recipe, which name what to learn from.
+        reference: true things that no arm has seen.
+        others: other true things, whose scores are what a perfect generator would get; None where there are no more.
+    """
+
+    flags: Callable[[Place], Flags]
+    reference: Draw
+    others: Draw | None = None
+
+
+def built_in(place: Place) -> Flags:
+    """Nothing to name: the recipe has its own world."""
+    return {}
 
 
 def family(make: Callable[..., Tensor], name: str) -> Source:
@@ -88,25 +108,34 @@ def family(make: Callable[..., Tensor], name: str) -> Source:
 
         return {"data": place.once(f"{name}-{place.size}.npz", save)}
 
-    return data, lambda place: make(HELD_OUT, place.size, seed=1)
+    return Source(data, *held_out(make))
+
+
+def held_out(make: Callable[..., Tensor]) -> tuple[Draw, Draw]:
+    """Two draws of a family that no arm has seen."""
+    return lambda place: make(HELD_OUT, place.size, seed=1), lambda place: make(HELD_OUT, place.size, seed=2)
 
 
 def file(name: str, reference: str | None = None) -> Source:
     """A real collection; scored against another part of it, or, if there is none, against itself."""
     kept = reference or name
 
+    def learned_from(place: Place) -> Tensor:
+        return read(there(place, name), size=place.size).items
+
     def there(place: Place, what: str) -> str:
         path, colon, part = what.partition(":")
         return f"{place.real(path)}{colon}{part}"
 
-    return (
+    return Source(
         lambda place: {"data": Path(there(place, name))},
         lambda place: read(there(place, kept), size=place.size).items,
+        learned_from if reference else None,
     )
 
 
-def mnist(place: Place) -> Tensor:
-    return read_images(place.real("mnist/t10k-images-idx3-ubyte.gz"), place.size).items
+def mnist(part: str) -> Draw:
+    return lambda place: read_images(place.real(f"mnist/{part}-images-idx3-ubyte.gz"), place.size).items
 
 
 def car_volumes(place: Place) -> Path:
@@ -128,14 +157,31 @@ def car_volumes(place: Place) -> Path:
 
 def world(name: str) -> Source:
     """A procedural world of materials."""
-    return lambda place: {}, lambda place: WORLDS[name](MATERIALS, place.size, UNSEEN)
+    return Source(built_in, *two_draws(lambda place: partial(_of_world, name, place.size)))
 
 
-def photographed(name: str) -> Source:
-    """Maps, and renderings that stand in for photographs, lit as training is not, as folders of PNGs."""
+Materials = Callable[[int, int], Tensor]
+"""(count, seed) → maps (count, 8, size, size)."""
+
+
+def two_draws(materials: Callable[[Place], Materials]) -> tuple[Draw, Draw]:
+    return lambda place: materials(place)(MATERIALS, UNSEEN), lambda place: materials(place)(MATERIALS, UNSEEN + 1)
+
+
+def _of_world(name: str, size: int, count: int, seed: int) -> Tensor:
+    return WORLDS[name](count, size, seed)
+
+
+def photographed(name: str, real: bool = False) -> Source:
+    """Maps, and renderings that stand in for photographs, lit as training is not, as folders of PNGs.
+
+    Args:
+        name: of a world; or "wood-real", patches of real sets.
+        real: whether real probes light them.
+    """
 
     def data(place: Place) -> Flags:
-        ours, theirs = _probes(place)
+        ours, theirs = _probes(place, real)
         things = _materials(name, place)
 
         def make(path: Path) -> None:
@@ -143,15 +189,16 @@ def photographed(name: str) -> Source:
             if name == "wood-real":
                 _add_albedos(path, place)
 
-        pictures = place.once(f"pictures-{name}-{place.size}", make)
-        return {"data": pictures, "probes": place.once("probes", lambda path: _save_probes(path, ours))}
+        lit = "real" if real else "procedural"
+        pictures = place.once(f"pictures-{name}-{lit}-light-{place.size}", make)
+        return {"data": pictures, "probes": place.once(f"probes-{lit}", lambda path: _save_probes(path, ours))}
 
-    return data, lambda place: _materials(name, place)(MATERIALS, UNSEEN)
+    return Source(data, *two_draws(partial(_materials, name)))
 
 
-def _probes(place: Place) -> tuple[Tensor, Tensor]:
+def _probes(place: Place, real: bool) -> tuple[Tensor, Tensor]:
     """Light for training and light of the photographs: every other probe, so that none is in both."""
-    every = procedural_probes(32)[0] if place.data is None else read_probes(place.real("hdr"), 32)[0]
+    every = read_probes(place.real("hdr"), 32)[0] if real else procedural_probes(32)[0]
     return every[::2], every[1::2]
 
 
@@ -161,15 +208,14 @@ def _save_probes(folder: Path, probes: Tensor) -> None:
         np.save(folder / f"{k:02d}.npy", probe.permute(1, 2, 0).numpy())
 
 
-def _materials(name: str, place: Place) -> Callable[[int, int], Tensor]:
-    """(count, seed) → materials."""
+def _materials(name: str, place: Place) -> Materials:
     if name in WORLDS:
-        return lambda count, seed: WORLDS[name](count, place.size, seed)
+        return partial(_of_world, name, place.size)
     sets = read_materials(place.real("materials/svbrdf/wood"), 4 * place.size)[0]
     return lambda count, seed: material_patches(sets, count, place.size, seed, turn=0.1)
 
 
-def _photograph(folder: Path, name: str, things: Callable[[int, int], Tensor], light: Tensor) -> None:
+def _photograph(folder: Path, name: str, things: Materials, light: Tensor) -> None:
     """A folder a way of looking, as `--data` takes them; no two pictures are of one material."""
     encoded = {
         "diffuse": lambda c: torch.from_numpy(to_srgb(c.numpy())),
@@ -202,7 +248,7 @@ def _write(folder: Path, values: Tensor) -> None:
 
 
 SOURCES: dict[str, Source] = {
-    "chairs": (lambda place: {}, lambda place: chairs(HELD_OUT, place.size, seed=1)),
+    "chairs": Source(built_in, *held_out(chairs)),
     "birds": family(birds, "birds"),
     "cars": family(cars, "cars"),
     "chairs-modelnet": file(
@@ -210,13 +256,17 @@ SOURCES: dict[str, Source] = {
     ),
     "chairs-photographs": file("silhouettes/chair_ikea_64.npz"),
     "birds-photographs": file("silhouettes/bird_cub_aves_64.npz"),
-    "cars-meshes": (
+    "cars-meshes": Source(
         lambda place: {"data": car_volumes(place)},
         lambda place: read(car_volumes(place), size=place.size).items,
     ),
-    "digits": (lambda place: {}, lambda place: digits(place.size, held_out=True)),
-    "mnist": (lambda place: {"data": place.real("mnist/train-images-idx3-ubyte.gz")}, mnist),
+    "digits": Source(built_in, lambda place: digits(place.size, held_out=True), lambda place: digits(place.size)),
+    "mnist": Source(
+        lambda place: {"data": place.real("mnist/train-images-idx3-ubyte.gz")}, mnist("t10k"), mnist("train")
+    ),
     **{name: world(name) for name in ("wood", "correlated")},
-    **{name: photographed(name) for name in ("metal", "plastic", "wood-real")},
+    **{name: photographed(name) for name in ("metal", "plastic")},
+    **{f"{name}-real": photographed(name, real=True) for name in ("metal", "plastic")},
+    "wood-real": photographed("wood-real", real=True),
 }
 """By name."""

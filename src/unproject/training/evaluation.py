@@ -59,7 +59,7 @@ def evaluate(
     generated = run.generator.sample(n, seed)
     scores: dict[str, Score] = {}
     if reference is not None:
-        scores |= _set_scores(recipe, panel, generated, reference.items, seed)
+        scores |= _scores(recipe, panel, generated, reference.items, seed)
     true = true_views(recipe, panel)
     if isinstance(recipe.assignment, Predicted) and true is not None:
         best = supervised_ceiling(panel, true, recipe.seed) if ceiling else None
@@ -69,13 +69,23 @@ def evaluate(
     return scores
 
 
-def _set_scores(recipe: Recipe, panel: Panel, generated: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
+def score_things(things: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
+    """Score things against true ones of the same kind, shape (N, ...): maps, images or volumes.
+
+    Args:
+        turns: of how many turns of the things the best is taken; None: they stand as they should. Maps never turn.
+    """
+    if kind_of(things) == "maps":
+        return material_scores(things, reference, seed, rendered_alike(things, reference))
+    score = image_scores if kind_of(things) == "image" else shape_scores
+    return score(things, reference, selection=None, bins=turns, seed=seed)
+
+
+def _scores(recipe: Recipe, panel: Panel, generated: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
     """The scores that fit what the references are: the things themselves, or what was seen of such things."""
-    if reference.shape[1:] == generated.shape[1:] and kind_of(generated) == "maps":
-        return material_scores(generated, reference, seed, rendered_alike(generated, reference))
     if reference.shape[1:] == generated.shape[1:]:
-        score = image_scores if kind_of(generated) == "image" else shape_scores
-        return score(generated, reference, selection=None, bins=free_turns(recipe, panel), seed=seed)
+        turns = None if kind_of(generated) == "maps" else free_turns(recipe, panel)
+        return score_things(generated, reference, seed, turns)
     seen = _seen(panel, generated, seed)
     if reference.shape[1:] != seen.shape[1:]:
         raise UserError(
