@@ -71,9 +71,11 @@ def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
 
 
 def test_the_summary_has_every_claim(report: Report, tmp_path: Path) -> None:
-    text = write_summary([report, Report(FIGURE, {})], tmp_path).read_text()
+    write_summary([report, Report(FIGURE, {})], tmp_path / "all.md", "pages/")
+    text = (tmp_path / "all.md").read_text()
     assert text.count("| nearer |") == 2 and text.count("2.00, 1.91") == 1 and text.count("not measured") == 3
-    assert "[Fig. 7](fig7.md)" in text and text.count("| ours | ") == 2
+    assert "[Fig. 7](pages/fig7.md)" in text and text.count("| ours | ") == 2
+    assert "Fig. 7: It is small." in text and "Eq. 5" in text and "650" in text and "η" in text
 
 
 def test_a_report_of_nothing_is_undecided(tmp_path: Path) -> None:

@@ -76,12 +76,12 @@ def modern_assignment(views: Views, predicted: Predicted) -> Known | Predicted |
 
 
 def paper_assignment(
-    views: Views, steps: int, clusters: int | None, binarise: bool = False
+    views: Views, steps: int, clusters: int | None, binarise: bool = False, images: int = 65536
 ) -> Known | Predicted | LearnedPrior:
     """What goes with `views`: five rounds of the most probable view; a learned prior; or nothing."""
     if views == "learned":
         return LearnedPrior()
-    return five_rounds(steps, clusters, binarise) if views == "predicted" else Known()
+    return five_rounds(steps, clusters, binarise, images) if views == "predicted" else Known()
 
 
 def little_and_often(rounds: int, balance: float, start: float = 0.05) -> Predicted:
@@ -96,14 +96,14 @@ def little_and_often(rounds: int, balance: float, start: float = 0.05) -> Predic
     return Predicted(ViewPredictor, starts, images=1024, steps=30, draw="posterior", balance=balance)
 
 
-def five_rounds(steps: int, clusters: int | None, binarise: bool = False) -> Predicted:
+def five_rounds(steps: int, clusters: int | None, binarise: bool = False, images: int = 65536) -> Predicted:
     """The released schedule: five rounds of one length, a fresh view predictor in each, most probable views."""
     predictor = partial(ViewPredictor, channels=32)
     starts = (0.2, 0.4, 0.6, 0.8)
     return Predicted(
         predictor,
         starts,
-        images=65536,
+        images=images,
         steps=steps,
         batch=32,
         learning_rate=1e-3,

@@ -132,6 +132,8 @@ def shapes_paper(
     channels: int = 512,
     loss: Literal["wasserstein", "hinge"] = "wasserstein",
     clusters: int | None = None,
+    predictor_steps: int = 100_000,
+    predictor_images: int = 65_536,
     released: bool = False,
     mirror: bool = False,
     checkpoint_every: int = 500,
@@ -153,6 +155,8 @@ def shapes_paper(
         channels: of the generator's 4³ level.
         loss: wasserstein (with gradient penalty) or hinge.
         clusters: discriminator heads by k-means of the predicted views; the released code uses 8.
+        predictor_steps: of the view predictor, in each of four rounds.
+        predictor_images: silhouettes of generated shapes that it is trained with, each round.
         released: the released code's camera (viewport 1.4), alpha rule and inference with batch statistics.
         mirror: generate half a volume and reflect it.
         checkpoint_every: steps between checkpoints.
@@ -172,7 +176,7 @@ def shapes_paper(
         generator=generator,
         discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
-        assignment=paper_assignment(views, 100_000, clusters, binarise=True),
+        assignment=paper_assignment(views, predictor_steps, clusters, binarise=True, images=predictor_images),
         loss=Wasserstein() if loss == "wasserstein" else Hinge(),
         penalty=GradientPenalty(10.0) if loss == "wasserstein" else None,
         generator_optimiser=adam,

@@ -43,21 +43,21 @@ def report_of(figure: Figure, where: Where, seeds: int) -> Report:
 
 
 def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True) -> tuple[Report, ...]:
-    """Train and score what is missing, seed by seed, and write the reports of a figure, or of all.
+    """Train and score what is missing, a seed after the other, and write the reports of a figure, or of all.
 
     Without `train`, only what is there is scored and reported.
     """
     chosen = figures_of(name)
     arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, where)}
-    for seed in range(seeds):
-        (finish if train else score_finished)([(arm, seed) for arm in arms.values()], where)
+    jobs = [(arm, seed) for seed in range(seeds) for arm in arms.values()]
+    (finish if train else score_finished)(jobs, where)
     for arm in arms.values():
         score_truth(arm.source, flags_of(arm, where.budget)["size"], where)
     reports = tuple(report_of(figure, where, seeds) for figure in chosen)
     for report in reports:
         write(report, out)
     if name == "all":
-        write_summary(reports, out)
+        write_summary(reports, out / "all.md")
     return reports
 
 

@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from .._files import atomic_path
 from .figure import Claim, Figure, Verdict, overall, verdict
 from .kept import Kept
+from .slips import DEVIATIONS, SLIPS
 
 LABEL, GAP, WIDEST = 22, 12, 1800
 
@@ -75,19 +76,41 @@ def write(report: Report, folder: Path) -> tuple[Path, ...]:
     return (*texts, *((picture,) if shown else ()))
 
 
-def write_summary(reports: Sequence[Report], folder: Path) -> Path:
-    """all.md: every figure's claims, how many times as good they are at each seed, and what it took."""
+def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> None:
+    """One page of Markdown: every claim and its effect at each seed, deviations, the seed's slips, how it was made.
+
+    Args:
+        pages: the folder of the figures' own pages, as seen from this one; ends in a slash unless empty.
+    """
     rows = [["figure", "claim", "scores", "times, by seed", "verdict"]]
     for report in reports:
-        name = f"[{report.figure.name.replace('fig', 'Fig. ')}]({report.figure.name}.md)"
+        name = f"[{report.figure.name.replace('fig', 'Fig. ')}]({pages}{report.figure.name}.md)"
         rows.append([name, report.figure.claim, "", "", report.verdict])
         for judged in report.judged:
             rows.append(["", judged.claim.text, ", ".join(judged.claim.scores), times(judged), judged.verdict])
+    own = [f"{r.figure.name.replace('fig', 'Fig. ')}: {line}" for r in reports for line in r.figure.deviations]
     arms = {key: kept for report in reports for key, kept in report.kept.items()}
-    head = [("heading", "The seed's figures, reproduced"), ("table", rows), ("text", "How it was made:")]
-    with atomic_path(folder / "all.md") as temporary:
-        temporary.write_text(markdown([*head, ("table", made_rows(arms))]), encoding="utf-8")
-    return folder / "all.md"
+    blocks: list[Block] = [
+        ("heading", "The seed's figures, reproduced"),
+        ("text", HOW_TO_READ),
+        ("table", rows),
+        ("section", "Deviations from the seed"),
+        ("list", [*DEVIATIONS, *own]),
+        ("section", "Slips of the seed, and what is left open"),
+        ("list", list(SLIPS)),
+        ("section", "How it was made"),
+        ("table", made_rows(arms)),
+    ]
+    with atomic_path(path) as temporary:
+        temporary.write_text(markdown(blocks), encoding="utf-8")
+
+
+HOW_TO_READ = (
+    "The seed is the supplemental of Li, Dong, Peers, Tong, CVPR 2019. *Times* is how many times as good as claimed a "
+    "score is at each seed: 1 is just as claimed, more is better. A claim holds, or does not, if all seeds agree and "
+    "their mean effect (a logarithm) is more than two standard errors from nothing; it is undecided otherwise. A "
+    "figure holds if all its claims do."
+)
 
 
 def times(judged: Judged) -> str:
@@ -96,7 +119,7 @@ def times(judged: Judged) -> str:
 
 
 Block = tuple[str, Any]
-"""("heading", text), ("text", text), ("list", lines), ("table", rows, the first one its head), ("picture", path)."""
+"""(kind, content): heading, section, text have a text; list has lines, table rows, the first its head; picture a path."""
 
 
 def blocks_of(report: Report, picture: Path | None) -> list[Block]:
@@ -161,8 +184,8 @@ def made_rows(arms: Mapping[tuple[str, int], Kept]) -> list[list[str]]:
 def markdown(blocks: Sequence[Block]) -> str:
     lines: list[str] = []
     for kind, value in blocks:
-        if kind == "heading":
-            lines.append(f"# {value}")
+        if kind in ("heading", "section"):
+            lines.append(f"{'#' if kind == 'heading' else '##'} {value}")
         elif kind == "list":
             lines.append("\n".join(f"- {line}" for line in value))
         elif kind == "table":
