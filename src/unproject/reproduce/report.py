@@ -119,7 +119,7 @@ def times(judged: Judged) -> str:
 
 
 Block = tuple[str, Any]
-"""(kind, content): heading, section, text have a text; list has lines, table rows, the first its head; picture a path."""
+"""(kind, content): heading, section, text have a text; list has lines, table rows, the first a head; picture a path."""
 
 
 def blocks_of(report: Report, picture: Path | None) -> list[Block]:
