@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,23 @@ from safetensors.torch import load_file
 
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.data import metal, wood
+from unproject.data import correlated, metal, procedural_probes, wood
 from unproject.ops.maps import MAPS
+from unproject.projections.base import Identity
+from unproject.projections.observation import Observation
+from unproject.projections.priors import Product
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
-from unproject.recipes.materials import SEEN_FROM, materials, metal_materials, wood_materials, wood_paper
+from unproject.recipes.materials import (
+    MIRRORED,
+    SEEN_FROM,
+    materials,
+    metal_materials,
+    mirrored,
+    way_of,
+    wood_materials,
+    wood_paper,
+)
 from unproject.training import resume, train
 from unproject.training.panel import build_panels
 
@@ -69,6 +82,25 @@ def test_discriminators_of_photographs_are_smoother() -> None:
     looks = [look for look, _ in wood_materials(maps=2, renderings=2, smoothing=7.0, **TOY).looks]
     assert {look.smoothing for look in looks if look.name in MAPS} == {1.0}
     assert {look.smoothing for look in looks if look.name not in MAPS} == {7.0}
+
+
+@pytest.mark.parametrize("look", sorted(MIRRORED))
+def test_a_mirror_image_is_what_is_seen_of_the_mirrored_material(look: str) -> None:
+    maps = correlated(3, 16, 0)
+    natural = procedural_probes(8)[0][:1]
+    way = Observation(look, Identity(), Product()) if look == "itself" else way_of(look, natural, 1024)
+    drawn = way.prior.sample(3, torch.Generator().manual_seed(0))
+    drawn |= {"view": torch.zeros(3)} if "view" in drawn else {}
+    turns = {(3,): lambda phi: math.pi - phi, (2,): lambda phi: -phi, (2, 3): lambda phi: phi + math.pi}
+    moves = {"lamp": "light_azimuth", "top": "light"}.get(look)  # light that comes from anywhere is mirrored, or turned
+    for axes in MIRRORED[look]:
+        of_mirrored = drawn | ({moves: turns[axes](drawn[moves])} if moves else {})
+        torch.testing.assert_close(
+            way.projection(mirrored("itself", maps, axes), **of_mirrored),
+            mirrored(look, way.projection(maps, **drawn), axes),
+            atol=0.02,
+            rtol=0,
+        )
 
 
 def test_direct_training_sees_as_many_images() -> None:

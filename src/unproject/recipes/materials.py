@@ -62,6 +62,13 @@ from ..training.recipe import Adam, Recipe
 World = Callable[[int, int, int], Tensor]
 Views = Literal["known", "direct"]
 SEEN_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "raking": 0.0, "coloured": 0.0, "ambient": 0.0}
+MIRRORED = {
+    **dict.fromkeys((*MAPS, "flash", "lamp", "ambient", "itself"), ((3,), (2,), (2, 3))),
+    "raking": ((2,),),
+    "top": ((2, 3),),
+}
+"""Which mirror images of what is seen are what is seen of mirrored materials: axes to flip. Natural light has no mirror
+image, but stands turned by half as well as not; cameras are within 5° of the normal."""
 STANDING = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), math.pi)}
 """From the normal, and around it, of lamps that stand where they are."""
 BALANCE = 16  # steps between two measurements of how hard each way of looking pulls
@@ -90,6 +97,7 @@ def materials(
     gamma: float = 0.5,
     emphasis: float = 3.0,
     smoothing: float = SMOOTHING,
+    flips: bool = False,
     checkpoint_every: int = 250,
 ) -> Recipe:
     """Materials from any mix of maps and photographs; `wood`, `metal` and `plastic` are this with their world.
@@ -117,10 +125,13 @@ def materials(
         emphasis: how much photographs count in the loss of the generator, where a map counts 1: they tell how maps go
             together.
         smoothing: how many times gamma counts for photographs: some hundred of them would be learned by heart.
+        flips: learn from mirror images too, of maps and of those photographs whose light allows it: as if the mirror
+            image of each material were another one.
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
     source = source_of(world, data, size, seed)
+    source = with_mirror_images(source) if flips else source
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels),
         discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
@@ -221,6 +232,27 @@ def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
         return observe(things, [look], seed=own).items
 
     return see
+
+
+def with_mirror_images(source: Source) -> Source:
+    """The same pictures and all mirror images that light and camera allow; x and y of mirrored normals change sign."""
+
+    def see(look: Observation, count: int) -> Tensor:
+        seen = source(look, count)
+        return torch.cat([seen, *(mirrored(look.name, seen, axes) for axes in MIRRORED.get(look.name, ()))])
+
+    return see
+
+
+def mirrored(look: str, seen: Tensor, axes: tuple[int, ...]) -> Tensor:
+    """What is seen, flipped along rows (2), columns (3) or both."""
+    flipped = seen.flip(axes)
+    first = {"normal": 0, "itself": MAPS["normal"].start}.get(look)
+    if first is not None:
+        for axis, channel in ((3, first), (2, first + 1)):
+            if axis in axes:
+                flipped[:, channel] *= -1
+    return flipped
 
 
 def looks_of(data: Path | None) -> tuple[str, ...]:
