@@ -61,6 +61,15 @@ def test_a_report_says_what_is_claimed_what_was_measured_and_how(report: Report,
         assert picture.size == (72, 42)
 
 
+def test_pictures_that_are_too_many_for_a_row_go_on_below(
+    report: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unproject.reproduce.report.WIDEST", 50)
+    write(report, tmp_path)
+    with Image.open(tmp_path / "fig7.png") as picture:
+        assert picture.size == (30, 84)
+
+
 def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
     write(report, tmp_path)
     page = (tmp_path / "fig7.html").read_text()

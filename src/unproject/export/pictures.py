@@ -198,7 +198,7 @@ def _labelled(picture: np.ndarray, size: int, columns: Sequence[str], rows: Sequ
 def _kept(picture: Image.Image, path: str | PathLike[str] | None) -> Image.Image:
     if path is not None:
         content = io.BytesIO()
-        picture.save(content, _format(Path(path)))
+        picture.save(content, _format(Path(path)), quality=92)  # where the format has such a thing
         save(Path(path), content.getvalue())
     return picture
 

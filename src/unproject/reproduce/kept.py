@@ -15,7 +15,7 @@ from ..training.run_directory import environment, write_json
 
 @dataclass(frozen=True)
 class Kept:
-    """Of one arm and seed: ARM-SEED.json and ARM-SEED.png in a folder; ARM-SEED-views.png if views were predicted."""
+    """Of one arm and seed: ARM-SEED.json and ARM-SEED.jpg in a folder; ARM-SEED-views.png if views were predicted."""
 
     folder: Path
     arm: str
@@ -27,7 +27,7 @@ class Kept:
 
     @property
     def picture(self) -> Path:
-        return self.folder / f"{self.arm}-{self.seed}.png"
+        return self.folder / f"{self.arm}-{self.seed}.jpg"
 
     @property
     def views(self) -> Path:

@@ -18,7 +18,7 @@ from .figure import Claim, Figure, Verdict, overall, verdict
 from .kept import Kept
 from .slips import DEVIATIONS, SLIPS
 
-LABEL, GAP, WIDEST = 22, 12, 1800
+LABEL, GAP, WIDEST = 22, 12, 1600
 
 
 @dataclass(frozen=True)
@@ -241,24 +241,33 @@ def save_picture(report: Report, path: Path) -> bool:
     sheets = {name: sheet for name, sheet in sheets.items() if sheet.exists()}
     if not sheets:
         return False
-    joined = _beside(sheets)
-    if joined.width > WIDEST:
-        joined = joined.resize((WIDEST, round(joined.height * WIDEST / joined.width)))
     with atomic_path(path) as temporary:
-        joined.save(temporary)
+        _together(sheets).save(temporary)
     return True
 
 
-def _beside(paths: Mapping[str, Path]) -> Image.Image:
-    pictures = {}
+def _together(paths: Mapping[str, Path]) -> Image.Image:
+    """Pictures under their names, in rows no wider than WIDEST."""
+    rows: list[list[tuple[str, Image.Image]]] = [[]]
     for name, path in paths.items():
-        with Image.open(path) as picture:
-            pictures[name] = picture.convert("RGB")
-    width = sum(picture.width + GAP for picture in pictures.values()) - GAP
-    sheet = Image.new("RGB", (width, LABEL + max(picture.height for picture in pictures.values())), "white")
-    draw, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(size=14), 0
-    for name, picture in pictures.items():
-        draw.text((left + 2, 3), name, "black", font)
-        sheet.paste(picture, (left, LABEL))
-        left += picture.width + GAP
+        with Image.open(path) as stored:
+            picture = stored.convert("RGB")
+        picture.thumbnail((WIDEST, picture.height))
+        if rows[-1] and _width([*rows[-1], (name, picture)]) > WIDEST:
+            rows.append([])
+        rows[-1].append((name, picture))
+    heights = [LABEL + max(picture.height for _, picture in row) for row in rows]
+    sheet = Image.new("RGB", (max(map(_width, rows)), sum(heights)), "white")
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(size=14), 0
+    for row, height in zip(rows, heights, strict=True):
+        left = 0
+        for name, picture in row:
+            draw.text((left + 2, top + 3), name, "black", font)
+            sheet.paste(picture, (left, top + LABEL))
+            left += picture.width + GAP
+        top += height
     return sheet
+
+
+def _width(row: Sequence[tuple[str, Image.Image]]) -> int:
+    return sum(picture.width + GAP for _, picture in row) - GAP
