@@ -14,12 +14,11 @@ from unproject.reproduce import FIGURES, Report, Where, report_of, write, write_
 DOCS = Path(__file__).parent.parent / "docs"
 BUDGET = "cpu"
 PAGES = f"results/reproduction/{BUDGET}/"
-SEEDS = 10  # as many as there are
 
 
 def reports() -> tuple[Report, ...]:
     where = Where(Path("runs"), DOCS / PAGES / "results", None, BUDGET)
-    return tuple(report_of(figure, where, SEEDS) for figure in FIGURES.values())
+    return tuple(report_of(figure, where) for figure in FIGURES.values())
 
 
 def main() -> None:

@@ -15,8 +15,9 @@ from unproject import reproduce as package
 from unproject._types import UserError
 from unproject.cli import main
 from unproject.data.correlated import build_correlated
-from unproject.reproduce import Arm, Claim, Figure, Where, running
-from unproject.reproduce.running import grouped, is_finished, octave_scores
+from unproject.reproduce import Arm, Claim, Figure, Where, running, scoring
+from unproject.reproduce.running import is_finished
+from unproject.reproduce.scoring import grouped, octave_scores, score_truth
 from unproject.reproduce.sources import Place, birds, family, photographed
 
 SMALL = {"size": 16, "steps": 2, "channels": 8, "batch": 4}
@@ -37,7 +38,7 @@ TOY = Figure(
 def toy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(package.FIGURES, "toy", TOY)
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | dict(arm.flags))
-    monkeypatch.setitem(running.MANY, "image", 64)
+    monkeypatch.setitem(scoring.MANY, "image", 64)
 
 
 def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,12 +158,12 @@ def test_true_things_are_scored_once_and_shuffled_maps_do_not_go_together(
 ) -> None:
     monkeypatch.setattr("unproject.reproduce.sources.MATERIALS", 48)
     where = Where(tmp_path, tmp_path / "kept", None, "cpu")
-    running.score_truth("wood", 16, where)
+    score_truth("wood", Place(tmp_path, None, 16), where.truths("wood"), {"budget": "cpu"})
     errors = {name: kept.values()["correlation_error"] for name, kept in where.truths("wood").items()}
     assert errors["truth"] < errors["shuffled"] / 2
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()}
     assert len(before) == 4
-    running.score_truth("wood", 16, where)
+    score_truth("wood", Place(tmp_path, None, 16), where.truths("wood"), {})
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()} == before
 
 

@@ -42,19 +42,25 @@ def run(
         threads: processor threads of each; an equal share of the cores unless given.
         report: train nothing; write the report of what is there, and score runs that are finished.
     """
+    import torch
+
     from ..reproduce import STRUCTURES, Where, structure
     from ..reproduce import reproduce as go
 
-    parallel = PARALLEL[budget] if parallel is None else parallel
-    threads = max(1, (os.cpu_count() or 1) // parallel) if threads is None and parallel > 0 else threads
-    if min(seeds, parallel, threads or 1) < 1:
+    cores = os.cpu_count() or 1
+    parallel = min(PARALLEL[budget], cores) if parallel is None else parallel
+    if min(seeds, parallel, 1 if threads is None else threads) < 1:
         raise UserError(f"--seeds {seeds} --parallel {parallel} --threads {threads}: give at least 1 of each")
+    threads = max(1, cores // parallel) if threads is None else threads
+    if data is not None and not data.is_dir():
+        raise UserError(f"--data {data}: is no folder; give the one that holds the real collections")
     if figure in STRUCTURES:
         text = structure(figure)
         out.mkdir(parents=True, exist_ok=True)
         (out / f"{figure}.txt").write_text(text, encoding="utf-8")
         print(text, end="")
         return
+    torch.set_num_threads(threads)  # for the scores
     where = Where(runs / budget, out / budget / "results", data, budget, parallel, threads)
     for found in go(figure, where, seeds, out / budget, train=not report):
         print(f"{found.figure.name}: {found.verdict}")

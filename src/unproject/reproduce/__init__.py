@@ -6,11 +6,11 @@ from pathlib import Path
 
 from .._objects import nearest
 from .._types import UserError
-from .budgets import flags_of
 from .figure import Arm, Claim, Figure, Verdict, overall, verdict
 from .figures import FIGURES
 from .report import Report, write, write_summary
-from .running import Where, finish, score_finished, score_truth
+from .running import Where, finish, is_kept, score_finished
+from .scoring import score_truth
 from .structure import STRUCTURES, structure
 
 NAMES = (*STRUCTURES, *FIGURES)
@@ -32,32 +32,47 @@ def arms_of(figure: Figure, where: Where) -> tuple[Arm, ...]:
     return (*figure.arms, *(figure.real if where.data else ()))
 
 
-def report_of(figure: Figure, where: Where, seeds: int) -> Report:
-    """From what is kept, whoever computed it."""
-    results = {
-        (arm.name, seed): where.result(arm, seed) for arm in (*figure.arms, *figure.real) for seed in range(seeds)
-    }
-    sources = dict.fromkeys(arm.source for arm in (*figure.arms, *figure.real))
+def report_of(figure: Figure, where: Where) -> Report:
+    """From all that is kept, whoever computed it."""
+    arms = (*figure.arms, *figure.real)
+    results = {(arm.name, seed): kept for arm in arms for seed, kept in where.results(arm).items()}
+    for arm in arms:
+        for seed in where.results(arm):
+            is_kept(arm, seed, where)
+    sources = dict.fromkeys(arm.source for arm in arms)
     truths = {kept.arm: kept for source in sources for kept in where.truths(source).values() if kept.exists}
-    return Report(figure, {key: kept for key, kept in results.items() if kept.exists}, truths)
+    return Report(figure, results, truths)
 
 
 def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True) -> tuple[Report, ...]:
     """Train and score what is missing, a seed after the other, and write the reports of a figure, or of all.
 
-    Without `train`, only what is there is scored and reported.
+    Without `train`, only what is there is scored and reported. Reports are of every seed that is kept.
+
+    Raises:
+        UserError: if a training fails, after the reports are written; if there is nothing to report.
     """
     chosen = figures_of(name)
     arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, where)}
     jobs = [(arm, seed) for seed in range(seeds) for arm in arms.values()]
-    (finish if train else score_finished)(jobs, where)
+    trouble: UserError | None = None
+    try:
+        (finish if train else score_finished)(jobs, where)
+    except UserError as error:
+        trouble = error
     for arm in arms.values():
-        score_truth(arm.source, flags_of(arm, where.budget)["size"], where)
-    reports = tuple(report_of(figure, where, seeds) for figure in chosen)
+        if where.results(arm):
+            place = where.place(arm)
+            score_truth(arm.source, place, where.truths(arm.source), {"budget": where.budget, "size": place.size})
+    reports = tuple(report_of(figure, where) for figure in chosen)
+    if not any(report.kept for report in reports):
+        raise trouble or UserError(f"{where.kept}: nothing is kept there; run without --report to train it")
     for report in reports:
         write(report, out)
     if name == "all":
         write_summary(reports, out / "all.md")
+    if trouble is not None:
+        raise trouble
     return reports
 
 

@@ -8,7 +8,8 @@ from .figure import Arm, Claim, Figure
 PATCHES = tuple(f"patch_{name}" for name in MAPS)
 PAPER = "Ahead of the seed's own recipe after as long: at most a third of its distance"
 NARROW = "Networks of the paper recipes are narrower in the cpu budget, alike in all arms: full ones take days there."
-PHOTOGRAPHS = {"looks": (*MAPS, "top", "grazing")}
+PHOTOGRAPHS = {"maps": 1000, "renderings": 5000}
+REAL_PHOTOGRAPHS = {"maps": 2246, "renderings": 2000}
 FEW = {"flips": True, "balance": 0.5, "rounds": 12}
 """For some hundred photographs, most of them from one side."""
 LIGHTS = ("flash", "lamp", "top", "ambient")
@@ -126,7 +127,13 @@ FIGURES = {
                 ),
             ),
             real=(
-                Arm("wood-real", "wood", "wood-real", "patches of nine CC0 sets of wood, and 246 albedos", PHOTOGRAPHS),
+                Arm(
+                    "wood-real",
+                    "wood",
+                    "wood-real",
+                    "patches of nine real sets of wood, and 246 albedos",
+                    REAL_PHOTOGRAPHS,
+                ),
             ),
             claims=(
                 *(
@@ -188,8 +195,8 @@ FIGURES = {
             "250 maps are too few; 8,000 renderings make up for them; four kinds of light need no maps at all.",
             "250 for each projection fails; 8,000 renderings each succeed; four frontal kinds, 6,000 each, succeed.",
             arms=(
-                Arm("wood-few", "wood", "wood", "250 of each map, 250 renderings each", {"maps": 250}),
-                Arm("wood-many", "wood", "wood", "250 of each map, 8000 each", {"maps": 250, "renderings": 8000}),
+                Arm("wood-few", "wood", "wood", "250 of each map, 167 photographs each", {"maps": 250, **AS_MANY}),
+                Arm("wood-many", "wood", "wood", "250 of each map, 5333 each", {"maps": 250, "renderings": 5333}),
                 Arm(
                     "wood-lights",
                     "wood",
@@ -222,7 +229,7 @@ FIGURES = {
                 f"1,000 materials by artists, 5,000 photographs each of {things} from the top and grazing. No numbers.",
                 arms=(
                     Arm(things, things, things, "1000 of each map, 5000 photographs each, light unknown", PHOTOGRAPHS),
-                    Arm(f"{things}-paper", f"{things}-paper", things, "the same, the seed's recipe"),
+                    Arm(f"{things}-paper", f"{things}-paper", things, "the same, the seed's recipe", PHOTOGRAPHS),
                 ),
                 real=(Arm(f"{things}-real", things, f"{things}-real", "the same under real probes", PHOTOGRAPHS),),
                 claims=(Claim(PAPER, things, f"{things}-paper", PATCHES, factor=3),),
@@ -254,6 +261,7 @@ FIGURES = {
             real=(
                 Arm("mnist-known", "digits", "mnist", "MNIST's, directions known"),
                 Arm("mnist-predicted", "digits", "mnist", "MNIST's, directions predicted", {"views": "predicted"}),
+                Arm("mnist-direct", "digits", "mnist", "MNIST's images themselves", {"views": "direct"}),
             ),
             claims=(
                 Claim(

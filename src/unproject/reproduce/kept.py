@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 from .._types import UserError
 from ..metrics import Score
+from ..training import checkpoint
 from ..training.run_directory import environment, write_json
 
 
@@ -42,18 +44,35 @@ class Kept:
         content = {"arm": self.arm, "seed": self.seed} | dict(about)
         write_json(self.file, content | {"scores": {name: asdict(score) for name, score in scores.items()}})
 
+    def check(self, about: Mapping[str, Any]) -> None:
+        """Raise UserError unless the result is of this recipe and these flags."""
+        content = self.read()
+        for name, value in as_json(about).items():
+            if content.get(name) != value:
+                raise UserError(
+                    f"{self.file}: was made with {name} {content.get(name)}, the arm has {value}; remove that file, or "
+                    "give another --out"
+                )
+
     def read(self) -> dict[str, Any]:
         """Raises UserError if the file is damaged."""
         try:
             content = json.loads(self.file.read_text(encoding="utf-8"))
-            for score in content["scores"].values():
-                float(score["value"])
+            if not all(math.isfinite(score["value"]) for score in content["scores"].values()):
+                raise ValueError("a score is not finite")
+            for name in ("steps", "seconds", "environment") if "steps" in content else ():
+                content[name]
             return content
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise UserError(f"{self.file}: damaged ({error}); remove it, and its arm is scored again") from error
 
     def values(self) -> dict[str, float]:
         return {name: float(score["value"]) for name, score in self.read()["scores"].items()}
+
+
+def as_json(value: Mapping[str, Any]) -> dict[str, Any]:
+    """As it is read again: tuples are lists."""
+    return json.loads(json.dumps(value))
 
 
 def made_by(run: Path) -> dict[str, Any]:
@@ -64,6 +83,5 @@ def made_by(run: Path) -> dict[str, Any]:
 
 
 def seconds_of(run: Path) -> float:
-    """How long a run has trained, by the last line of its log."""
-    lines = (run / "stats.jsonl").read_text(encoding="utf-8").splitlines()
-    return float(json.loads(lines[-1])["seconds"]) if lines else 0.0
+    """How long a run has trained, by its newest checkpoint."""
+    return checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")["counters/seconds"].item()

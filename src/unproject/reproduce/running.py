@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
-import torch
-from torch import Tensor
-
 from .._types import UserError
-from ..adversarial.assignment import Predicted
-from ..data import Collection
-from ..data.correlated import octave_correlations
-from ..export import silhouette_sheet
-from ..metrics import Score
-from ..ops.maps import kind_of, pack_maps, unpack_maps
-from ..recipes import rebuild
-from ..training import Origin, Recipe, Run, checkpoint, load
-from ..training.evaluation import assigned_panel, evaluate, score_things
-from ..training.pictures import save_picture
+from ..training import checkpoint
+from ..training.run_directory import BUDGET, read_recipe
 from .budgets import flags_of
 from .figure import Arm, Budget
-from .kept import Kept, made_by, seconds_of
+from .kept import Kept, as_json
+from .scoring import score
 from .sources import SOURCES, Place
 
-EACH = 12  # images a view in a picture
-SLACK = 30.0  # seconds between the last line of a run's log and its end
-MANY = {"volume": 512, "image": 2000, "maps": 500}
-"""Of each kind, generated to be scored."""
-BY_DESIGN = {(0, 1): 0.9, (2, 3): 0.9}
-"""Correlations of the partly correlated world's fields, diffuse, normal, specular, roughness; the others' are 0."""
+Job = tuple[Arm, int]
+"""An arm and a seed."""
+_SCORING = threading.Lock()
+"""Weights and draws come from torch's one random state, which two scorings at a time would share."""
 
 
 @dataclass(frozen=True)
@@ -60,27 +51,111 @@ class Where:
     def run(self, arm: Arm, seed: int) -> Path:
         return self.runs / f"{arm.name}-{seed}"
 
-    def place(self, size: int) -> Place:
-        return Place(self.runs / "sources", self.data, size)
+    def place(self, arm: Arm) -> Place:
+        return Place(self.runs / "sources", self.data, flags_of(arm, self.budget)["size"])
 
     def result(self, arm: Arm, seed: int) -> Kept:
         return Kept(self.kept, arm.name, seed)
+
+    def results(self, arm: Arm) -> dict[int, Kept]:
+        """Those there are, by seed."""
+        seeds = (path.stem.removeprefix(f"{arm.name}-") for path in self.kept.glob(f"{arm.name}-*.json"))
+        return {int(seed): self.result(arm, int(seed)) for seed in seeds if seed.isdecimal()}
 
     def truths(self, source: str) -> dict[str, Kept]:
         """Of other true things, and of materials whose maps belong to different ones: what arms are to be read by."""
         return {name: Kept(self.kept, f"{name}-{source}", 0) for name in ("truth", "shuffled")}
 
+    def about(self, arm: Arm) -> dict[str, Any]:
+        """What a result must have been made of to be this arm's."""
+        return {"budget": self.budget, "recipe": arm.recipe, "flags": flags_of(arm, self.budget)}
 
-def finish(jobs: Iterable[tuple[Arm, int]], where: Where) -> None:
-    """Train and score what is not yet kept.
+
+def is_kept(arm: Arm, seed: int, where: Where) -> bool:
+    """Whether the result is there. Raises UserError if it is another arm's than the one of that name now."""
+    kept = where.result(arm, seed)
+    if kept.exists:
+        kept.check(where.about(arm))
+    return kept.exists
+
+
+def finish(jobs: Iterable[Job], where: Where) -> None:
+    """Train and score what is not yet kept. What fails does not keep the rest from being finished.
 
     Raises:
-        UserError: if a training fails; what the others finished is kept.
+        UserError: if something failed, naming each; before anything is trained, if what an arm learns from is missing.
     """
-    missing = [(arm, seed) for arm, seed in jobs if not where.result(arm, seed).exists]
-    with ThreadPoolExecutor(where.parallel) as pool:
-        for _ in pool.map(lambda job: _train(job[0], job[1], where), missing):
-            pass
+    missing = [job for job in jobs if not is_kept(*job, where)]
+    words = [command(*job, where) for job in missing]  # sources are written here, one after another
+    children: set[subprocess.Popen[str]] = set()
+    failures: list[str] = []
+    with ThreadPoolExecutor(where.parallel) as pool, _leaving_none(children):
+        futures = [pool.submit(_train, *job, where, line, children) for job, line in zip(missing, words, strict=True)]
+        try:
+            for future in as_completed(futures):
+                failures += _failure(future)
+        except BaseException:
+            for future in futures:
+                future.cancel()
+            for child in children:
+                child.terminate()  # it saves and leaves
+            raise
+    if failures:
+        raise UserError("; ".join(failures))
+
+
+def _failure(future: Future[None]) -> list[str]:
+    try:
+        future.result()
+    except UserError as error:
+        return [str(error)]
+    return []
+
+
+@contextmanager
+def _leaving_none(children: set[subprocess.Popen[str]]) -> Iterator[None]:
+    """SIGTERM is an exception here, so that trainings are ended with the process that began them."""
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        sys.exit(128 + number)
+
+    try:
+        previous = signal.signal(signal.SIGTERM, leave)
+    except ValueError:  # not in the main thread: signals are someone else's business
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+def command(arm: Arm, seed: int, where: Where) -> list[str]:
+    """The words of `unproject` that train an arm, or go on with it.
+
+    Raises:
+        UserError: if the run that is there is not this arm's, or what it is to learn from is missing.
+    """
+    out, flags = where.run(arm, seed), flags_of(arm, where.budget)
+    if (out / "recipe.json").exists():
+        check_run(arm, seed, where)
+        words = ["resume", str(out), *_words({name: value for name, value in flags.items() if name in BUDGET})]
+    else:
+        sources = SOURCES[arm.source].flags(where.place(arm))
+        words = ["train", arm.recipe, *_words(flags | sources | {"seed": seed, "out": out})]
+    return [*words, "--quiet", *_words({"threads": where.threads} if where.threads else {})]
+
+
+def check_run(arm: Arm, seed: int, where: Where) -> None:
+    """Raise UserError unless the run that is there has the flags of its arm, the budget aside."""
+    out, flags = where.run(arm, seed), as_json(flags_of(arm, where.budget))
+    made = read_recipe(out)
+    for name, value in {"recipe": arm.recipe, "seed": seed, **flags}.items():
+        found = made["recipe"] if name == "recipe" else made["arguments"].get(name)
+        if name not in BUDGET and found != value:
+            raise UserError(
+                f"{out}: was made with {name} {found}, the arm has {value}; remove that run, or give --runs"
+            )
 
 
 def _words(flags: Mapping[str, Any]) -> list[str]:
@@ -92,29 +167,35 @@ def _words(flags: Mapping[str, Any]) -> list[str]:
     return words
 
 
-def _train(arm: Arm, seed: int, where: Where) -> None:
+def _train(arm: Arm, seed: int, where: Where, words: list[str], children: set[subprocess.Popen[str]]) -> None:
     out = where.run(arm, seed)
-    flags = flags_of(arm, where.budget)
-    flags |= SOURCES[arm.source].flags(where.place(flags["size"]))
-    if (out / "recipe.json").exists():
-        budget = {name: value for name, value in flags.items() if name in ("steps", "minutes")}
-        words = ["resume", str(out), *_words(budget)]
-    else:
-        words = ["train", arm.recipe, *_words(flags | {"seed": seed, "out": out})]
-    words += ["--quiet", *_words({"threads": where.threads} if where.threads else {})]
     print(f"{arm.name}, seed {seed}: unproject {words[0]} {words[1]}", flush=True)
-    done = subprocess.run([sys.executable, "-m", "unproject", *words], capture_output=True, text=True, check=False)
-    if done.returncode:
-        line = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "unproject", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    children.add(child)
+    _, said = child.communicate()
+    children.discard(child)
+    if child.returncode:
+        killed = f"killed by signal {-child.returncode}" if child.returncode < 0 else "no reason given"
+        line = (said.strip().splitlines() or [killed])[-1]
         raise UserError(f"{out}: training stopped: {line.removeprefix('unproject: ')}")
-    score(arm, seed, where)
+    if not is_finished(arm, seed, where):
+        raise UserError(f"{out}: training was interrupted; the same command goes on with it")
+    with _SCORING:
+        score_run(arm, seed, where)
 
 
-def score_finished(jobs: Iterable[tuple[Arm, int]], where: Where) -> None:
+def score_finished(jobs: Iterable[Job], where: Where) -> None:
     """Score the runs that are finished and whose results are not kept, and train nothing."""
     for arm, seed in jobs:
-        if not where.result(arm, seed).exists and is_finished(arm, seed, where):
-            score(arm, seed, where)
+        if not is_kept(arm, seed, where) and is_finished(arm, seed, where):
+            check_run(arm, seed, where)
+            score_run(arm, seed, where)
+
+
+def score_run(arm: Arm, seed: int, where: Where) -> None:
+    score(where.run(arm, seed), arm.source, where.place(arm), where.result(arm, seed), where.about(arm))
 
 
 def is_finished(arm: Arm, seed: int, where: Where) -> bool:
@@ -122,81 +203,6 @@ def is_finished(arm: Arm, seed: int, where: Where) -> bool:
     run, flags = where.run(arm, seed), flags_of(arm, where.budget)
     if not (run / "recipe.json").exists() or not checkpoint.list_checkpoints(run / "checkpoints"):
         return False
-    steps = int(checkpoint.newest(run / "checkpoints").stem.removeprefix("step-"))
-    enough = flags.get("steps")
-    return steps >= enough if enough else seconds_of(run) >= 60 * flags["minutes"] - SLACK
-
-
-def score(arm: Arm, seed: int, where: Where) -> None:
-    """Score a finished run and keep the scores and a picture of the first things it makes, none chosen."""
-    run = load(where.run(arm, seed))
-    kept, about = where.result(arm, seed), {"budget": where.budget}
-    kept.folder.mkdir(parents=True, exist_ok=True)
-    one = run.generator.sample(1, seed)
-    reference = SOURCES[arm.source].reference(where.place(one.shape[-1]))
-    generated = run.generator.sample
-    save_picture(lambda n: generated(n, seed), kept.picture)
-    recipe = rebuild(Origin(run.recipe["recipe"], run.recipe["arguments"]))
-    if isinstance(recipe.assignment, Predicted):
-        panel = assigned_panel(run, recipe)
-        if panel.items.dim() == 4:
-            rows = grouped(panel.items, panel.ways, len(panel.observations))
-            silhouette_sheet(rows, kept.views, columns=EACH)
-    kept.write(scores_of(run, recipe, arm, reference, seed), about | {"steps": run.step} | made_by(run.path))
-
-
-def score_truth(source: str, size: int, where: Where) -> None:
-    """Score other true things of a source, and materials put together of different ones' maps, and keep that."""
-    others, truths = SOURCES[source].others, where.truths(source)
-    if others is None or truths["truth"].exists:
-        return
-    place, rng = where.place(size), torch.Generator().manual_seed(0)
-    things = others(place)
-    things = things[torch.randperm(len(things), generator=rng)[: MANY[kind_of(things)]]]
-    sets: dict[str, Tensor] = {}
-    if kind_of(things) == "maps":
-        mixed = {name: part[torch.randperm(len(part), generator=rng)] for name, part in unpack_maps(things).items()}
-        sets["shuffled"] = pack_maps(mixed)
-    reference = SOURCES[source].reference(place)
-    where.kept.mkdir(parents=True, exist_ok=True)
-    for name, chosen in (sets | {"truth": things}).items():
-        save_picture(partial(_first, chosen), truths[name].picture)
-        scores = score_things(chosen, reference)
-        if source == "correlated":
-            scores |= octave_scores(chosen)
-        truths[name].write(scores, {"budget": where.budget})
-
-
-def _first(things: Tensor, n: int) -> Tensor:
-    return things[:n]
-
-
-def grouped(images: Tensor, ways: Tensor, bins: int) -> Tensor:
-    """A row of images a view: the first ones assigned to it, the rest of the row empty."""
-    rows = []
-    for k in range(bins):
-        chosen = images[ways == k][:EACH]
-        rows += [chosen, images.new_zeros(EACH - len(chosen), *images.shape[1:])]
-    return torch.cat(rows)
-
-
-def scores_of(run: Run, recipe: Recipe, arm: Arm, reference: Tensor, seed: int) -> dict[str, Score]:
-    """Those of `unproject evaluate`, and those of the world that is correlated by design."""
-    count = MANY[kind_of(run.generator.sample(1))]
-    scores = evaluate(run, recipe, Collection(reference), n=count, seed=seed, ceiling=True)
-    if arm.source == "correlated":
-        scores |= octave_scores(run.generator.sample(count, seed))
-    return scores
-
-
-def octave_scores(maps: Tensor) -> dict[str, Score]:
-    """How far the correlations of the mean material are from those designed, at worst, over pairs and octaves."""
-    found = octave_correlations(maps).mean(0)
-    pairs = [(i, j) for j in range(4) for i in range(j)]
-    off = {pair: (found[:, pair[0], pair[1]] - BY_DESIGN.get(pair, 0.0)).abs().max().item() for pair in pairs}
-    how = f"largest |ρ - designed| over octaves and pairs of fields {{}}, mean of {len(maps)} materials"
-    groups = {"within": [off[p] for p in BY_DESIGN], "across": [off[p] for p in pairs if p not in BY_DESIGN]}
-    return {
-        f"octave_error_{name}": Score(max(values), how.format(f"{name} the two groups"), len(maps))
-        for name, values in groups.items()
-    }
+    spent = checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")
+    by_step = "steps" in flags and spent["counters/step"].item() >= flags["steps"]
+    return by_step or ("minutes" in flags and spent["counters/seconds"].item() >= 60 * flags["minutes"])

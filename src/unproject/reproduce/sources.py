@@ -5,6 +5,7 @@ Files that have to be written first, such as photographs of metal, are written o
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -67,10 +68,11 @@ class Place:
         path = self.folder / name
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = path.with_name(f"unfinished-{path.name}")
+            unfinished = path.with_name(f"unfinished-{os.getpid()}-{path.name}")
             shutil.rmtree(unfinished, ignore_errors=True)
             make(unfinished)
-            unfinished.rename(path)
+            if not path.exists():  # another process may have made it meanwhile: the same
+                unfinished.rename(path)
         return path
 
 
