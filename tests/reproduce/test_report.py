@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -91,6 +93,41 @@ def test_a_report_of_nothing_is_undecided(tmp_path: Path) -> None:
     report = Report(FIGURE, {})
     paths = write(report, tmp_path)
     assert report.verdict == "undecided" and {path.suffix for path in paths} == {".md", ".html"}
+
+
+def test_what_is_beyond_the_seed_does_not_decide_its_figure(report: Report) -> None:
+    ours = replace(report.figure.claims[0], ours=True)
+    seed = Claim("farther", "theirs", "ours", ("far",))
+    both = Report(replace(FIGURE, claims=(ours, seed)), report.kept)
+    assert [one.verdict for one in both.judged] == ["holds", "does not hold"] and both.verdict == "does not hold"
+    assert both.judged[0].text == "Beyond the seed: nearer"
+
+
+def test_claims_against_true_things(report: Report, tmp_path: Path) -> None:
+    truth = kept(tmp_path, "truth-wood", 0, 0.5)
+    figure = replace(FIGURE, claims=(Claim("near", "ours", "truth-wood", ("far",), factor=1 / 4),))
+    near = Report(figure, report.kept, {"truth-wood": truth})
+    assert near.judged[0].effects == pytest.approx((math.log(2), math.log(4 * 0.5 / 1.1)))
+    assert "| truth-wood |  | 0.5 |" in markdown(near, tmp_path)
+
+
+def test_claims_about_real_collections_count_where_there_are_results(report: Report) -> None:
+    real = Arm("photographs", "wood", "wood", "real")
+    claims = (FIGURE.claims[0], Claim("of real ones", "photographs", "ours", ("far",)))
+    judged = Report(replace(FIGURE, real=(real,), claims=claims), report.kept).judged
+    assert [one.claim.text for one in judged] == ["nearer"]
+
+
+def markdown(report: Report, folder: Path) -> str:
+    write(report, folder)
+    return (folder / "fig7.md").read_text()
+
+
+@pytest.mark.parametrize("content", ['{"scores": {"far": {"value": NaN}}}', '{"steps": 1, "scores": {}}', "{"])
+def test_what_is_not_whole_is_damaged(report: Report, content: str) -> None:
+    report.kept["ours", 0].file.write_text(content)
+    with pytest.raises(UserError, match="damaged"):
+        report.kept["ours", 0].read()
 
 
 def test_seeds_that_one_arm_lacks_do_not_count(report: Report) -> None:

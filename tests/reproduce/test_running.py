@@ -5,6 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,11 +93,85 @@ def test_a_training_that_fails_is_one_line(toy: None, tmp_path: Path) -> None:
         running.finish([(Arm("bad", "digits", "digits", "", {"views": "nonsense"}), 0)], where)
 
 
+def test_what_fails_does_not_stop_the_rest(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = Arm("toy-bad", "digits", "digits", "", {"views": "nonsense"})
+    monkeypatch.setitem(package.FIGURES, "toy", replace(TOY, arms=(bad, *TOY.arms)))
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    with pytest.raises(UserError, match="toy-bad-0: training stopped"):
+        package.reproduce("toy", where, 1, tmp_path / "out")
+    assert where.result(TOY.arms[0], 0).exists and where.result(TOY.arms[1], 0).exists
+    assert (tmp_path / "out" / "toy.md").exists()
+
+
+def test_an_interrupted_training_is_no_result(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Training that is asked to stop saves and leaves without an error."""
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 1})
+    words = running.command(TOY.arms[0], 0, where)
+    monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL)
+    monkeypatch.setattr(running, "command", lambda arm, seed, where: words)
+    with pytest.raises(UserError, match="interrupted; the same command goes on"):
+        running.finish([(TOY.arms[0], 0)], where)
+    assert not where.result(TOY.arms[0], 0).exists
+
+
+def test_results_and_runs_of_other_flags_are_not_taken(toy: None, tmp_path: Path) -> None:
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    running.finish([(TOY.arms[0], 0)], where)
+    other = replace(TOY.arms[0], flags={"bins": 5})
+    with pytest.raises(UserError, match="toy-known-0.json: was made with flags .*remove that file"):
+        running.finish([(other, 0)], where)
+    shutil.rmtree(where.kept)
+    for go in (running.finish, running.score_finished):
+        with pytest.raises(UserError, match="toy-known-0: was made with bins 10, the arm has 5"):
+            go([(other, 0)], where)
+
+
+def test_more_seeds_than_asked_for_are_reported(toy: None, tmp_path: Path) -> None:
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    running.finish([(TOY.arms[0], seed) for seed in (0, 3)], where)
+    assert package.report_of(TOY, where).seeds("toy-known") == [0, 3]
+
+
+def test_nothing_to_report_is_one_line(toy: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--out", str(tmp_path / "out"), "--runs", str(tmp_path / "runs"), "--report"]
+    assert main(["reproduce", "toy", *words]) == 2
+    assert "nothing is kept there" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+ENDLESS = """
+import sys
+from pathlib import Path
+from unproject.reproduce import Arm, Where, running
+
+running.flags_of = lambda arm, budget: dict(size=16, steps=10**6, channels=8, batch=4)
+where = Where(Path(sys.argv[1]), Path(sys.argv[1]) / "kept", None, "cpu", threads=1)
+running.finish([(Arm("long", "digits", "digits", ""), 0)], where)
+"""
+
+
+def test_a_reproduction_that_is_ended_ends_its_trainings(tmp_path: Path) -> None:
+    log = tmp_path / "long-0" / "stats.jsonl"
+    deadline = time.monotonic() + 60
+    with subprocess.Popen([sys.executable, "-c", ENDLESS, str(tmp_path)], stdout=subprocess.PIPE) as parent:
+        while not (log.exists() and log.read_text()) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        parent.send_signal(signal.SIGTERM)
+        parent.communicate(timeout=60)
+    assert parent.returncode == 143 and not (tmp_path / "kept").exists()
+    assert list((tmp_path / "long-0" / "checkpoints").glob("*.safetensors"))  # it saved and left
+    size = log.stat().st_size
+    time.sleep(1)
+    assert log.stat().st_size == size > 0
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
         (["fig13"], "there is no figure 'fig13'"),
         (["fig7", "--seeds", "0"], "--seeds 0"),
+        (["fig7", "--threads", "0"], "--threads 0"),
+        (["fig7", "--data", "nowhere"], "--data nowhere: is no folder"),
         (["fig7", "--budget", "huge"], "--budget"),
     ],
 )

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Literal
 
+from .._files import atomic_path
 from .._types import UserError
 
 PARALLEL = {"cpu": 2, "gpu": 1}
@@ -54,11 +55,12 @@ def run(
     threads = max(1, cores // parallel) if threads is None else threads
     if data is not None and not data.is_dir():
         raise UserError(f"--data {data}: is no folder; give the one that holds the real collections")
-    if figure in STRUCTURES:
-        text = structure(figure)
-        out.mkdir(parents=True, exist_ok=True)
-        (out / f"{figure}.txt").write_text(text, encoding="utf-8")
+    for name in STRUCTURES if figure == "all" else {figure} & set(STRUCTURES):
+        text = structure(name)
+        with atomic_path(out / budget / f"{name}.txt") as temporary:
+            temporary.write_text(text, encoding="utf-8")
         print(text, end="")
+    if figure in STRUCTURES:
         return
     torch.set_num_threads(threads)  # for the scores
     where = Where(runs / budget, out / budget / "results", data, budget, parallel, threads)

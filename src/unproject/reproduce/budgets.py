@@ -8,9 +8,9 @@ from typing import Any
 from .figure import Arm, Budget
 
 MINUTES = 9.0
-"""Of training, in the cpu budget: with its start and its scores an arm is done in ten."""
+"""Of training, in the cpu budget: with its start and its scores an arm takes about ten."""
 STEPS = 1400
-"""Of modern materials there, in all arms alike, as long as that takes; the one with six ways of looking, MINUTES."""
+"""Of modern materials there, in all arms alike: three to nine minutes of one core, by how many ways of looking."""
 
 SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
     "cpu": {

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from statistics import mean, stdev
 from typing import Any, Literal
 
+from scipy.stats import t as student
+
 Verdict = Literal["holds", "does not hold", "undecided"]
 Budget = Literal["cpu", "gpu"]
 
@@ -46,6 +48,7 @@ class Claim:
         scores: names of scores.
         factor: how many times better; or the number itself.
         higher: whether more is better.
+        ours: whether it goes beyond the seed, and says nothing of the seed's figure.
     """
 
     text: str
@@ -54,6 +57,7 @@ class Claim:
     scores: tuple[str, ...]
     factor: float = 1.0
     higher: bool = False
+    ours: bool = False
 
     def effect(self, better: Mapping[str, float], than: Mapping[str, float] | None = None) -> float:
         level = mean(math.log(max(better[s], LEAST)) for s in self.scores)
@@ -64,6 +68,7 @@ class Claim:
         return (level - other if self.higher else other - level) - wanted
 
 
+NOTHING = math.log(1.02)  # two per cent: less is nothing to speak of, however often it is the same
 LEAST = 1e-9  # a score of nothing at all still has a logarithm
 
 
@@ -95,15 +100,16 @@ class Figure:
 
 
 def verdict(effects: Sequence[float]) -> Verdict:
-    """Of the effects of a claim, one a seed: their mean must be farther from 0 than its standard error, twice.
+    """Of the effects of a claim, one a seed: Student's t test of their mean, five per cent on either side.
 
-    A seed whose effect has the other sign, or one seed alone, leaves it undecided.
+    One seed alone, and a mean effect of less than NOTHING, leave it undecided.
     """
-    if len(effects) < 2 or min(effects) <= 0 <= max(effects):
+    if len(effects) < 2 or abs(mean(effects)) < NOTHING:
         return "undecided"
-    if abs(mean(effects)) <= 2 * stdev(effects) / len(effects) ** 0.5:
+    error = stdev(effects) / len(effects) ** 0.5
+    if abs(mean(effects)) <= float(student.ppf(0.95, len(effects) - 1)) * error:
         return "undecided"
-    return "holds" if effects[0] > 0 else "does not hold"
+    return "holds" if mean(effects) > 0 else "does not hold"
 
 
 def overall(verdicts: Sequence[Verdict]) -> Verdict:

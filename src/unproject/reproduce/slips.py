@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 DEVIATIONS = (
-    "Each figure has arms of two kinds. Those whose names end in -paper keep the seed's networks, losses "
-    "and rates; the others are this project's recipes (relativistic loss with R1 + R2, averaged weights, "
-    "generators of their own), which are what a laptop can train in minutes.",
-    "The cpu budget is nine minutes of one core an arm, so the seed's recipes are narrower there (see "
-    "each command below), far from converged, and say only what can be had in that time. The gpu budget "
+    "Each figure has arms of two kinds. Those whose names end in -paper keep the seed's networks, losses and rates "
+    "as far as it gives them; the others are this project's recipes (relativistic loss with R1 + R2, averaged "
+    "weights, generators of their own), which are what a laptop can train in minutes.",
+    "The cpu budget is nine minutes of training or less, of one core of two, so the seed's recipes are narrower "
+    "there (see each command below), far from converged, and say only what can be had in that time. The gpu budget "
     "has the seed's sizes.",
     "The view predictor of the seed's recipe is trained for 500 steps a round with 4,096 silhouettes in "
     "the cpu budget; the released code takes 100,000 and 65,536.",
     "The seed judges by eye. Here every claim is a number, its effect is compared with its spread over "
     "seeds, and a claim that one seed contradicts is undecided.",
     "Wood verified by artists, SVBRDFs of metal and plastic, 98 light probes and the photographs are not "
-    "public in that form: procedural worlds and probes stand in for them, and real CC0 sets and 45 probes"
-    " where --data is given.",
+    "public in that form: procedural worlds and probes stand in for them, and nine real sets of wood and "
+    "45 real probes where --data is given.",
+    "Arms of real photographs, of car meshes and of real wood are scored against the collection they learn "
+    "from, since there are too few to hold some out: read their scores as how near, not how new.",
     'k_s is read as the reflectance at normal incidence (`fresnel="albedo"`): with the seed\'s F0 of (η - '
     "1)²/(η + 1)² and η = 1.5 a k_s of 1 reflects four per cent, which no metal does.",
     'Gradients of rendering are exact, not finite differences (which `Sampling(gradient="differences")` '

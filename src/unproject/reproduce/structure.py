@@ -7,6 +7,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils.parametrize import is_parametrized
 
 from .._random import generator_at
 from ..adversarial.assignment import Predicted
@@ -49,6 +50,11 @@ def _kind(observation: str) -> str:
     return observation.rstrip("0123456789.°-– ") or observation
 
 
+def _is_layer(name: str, module: nn.Module) -> bool:
+    """Whether it has no parts; what computes a normed weight is part of the layer that has the weight."""
+    return "parametrizations" not in name and all(part == "parametrizations" for part, _ in module.named_children())
+
+
 @torch.no_grad()
 def layers(network: nn.Module, run: Callable[[], Tensor]) -> str:
     """Every layer without parts of its own, in the order in which it is used; "x 16 heads" aside, once each."""
@@ -58,14 +64,16 @@ def layers(network: nn.Module, run: Callable[[], Tensor]) -> str:
         def hook(module: nn.Module, _: Any, out: Any) -> None:
             shape = "x".join(map(str, out.shape[1:])) if isinstance(out, Tensor) else ""
             count = sum(p.numel() for p in module.parameters())
-            rows.append((name, type(module).__name__, shape or "1", f"{count:,}" if count else ""))
+            kind = type(module).__name__.removeprefix("Parametrized")
+            normed = ", normed" if is_parametrized(module) else ""
+            rows.append((name, kind + normed, shape or "1", f"{count:,}" if count else ""))
 
         return hook
 
     hooks = [
         module.register_forward_hook(note(name))
         for name, module in network.named_modules()
-        if name and not list(module.children())
+        if name and _is_layer(name, module)
     ]
     try:
         run()
