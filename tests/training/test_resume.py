@@ -16,7 +16,7 @@ from toy import toy
 
 from unproject._types import UserError
 from unproject.data import Collection
-from unproject.training import Adam, Recipe, checkpoint, load, loop, resume, train
+from unproject.training import Adam, Recipe, checkpoint, load, loop, resume, run_directory, train
 
 # Rounds begin at odd steps and checkpoints are of even ones: what a round decided must come out of a checkpoint.
 STARTS = (0.3, 0.55, 0.8)
@@ -169,6 +169,28 @@ def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> No
     assert load(tmp_path).step == 6 and temporaries(tmp_path) == []
     resume(RECIPE, tmp_path, quiet=True)
     assert differences(whole, tmp_path) == []
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from unproject.training.run_directory import locked
+
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(run_directory.fcntl is None, reason="no locks on this system")
+def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path) -> None:
+    train(toy(steps=2), tmp_path, quiet=True)
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        with pytest.raises(UserError, match="another process is training this run"):
+            resume(toy(steps=3), tmp_path, quiet=True)
+        other.kill()  # however that process ends, the run is free again
+    assert resume(toy(steps=3), tmp_path, quiet=True).step == 3
 
 
 CHANGED: dict[str, Recipe] = {

@@ -50,7 +50,8 @@ def train(
     distribution.barrier()
     if distribution.leads:
         run_directory.create(out, recipe, origin)
-    return _run(recipe, out, state, distribution, quiet)
+    with run_directory.locked(out, distribution.leads):
+        return _run(recipe, out, state, distribution, quiet)
 
 
 def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool = False) -> Run:
@@ -59,11 +60,12 @@ def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool
     out = Path(out)
     run_directory.check_same(out, recipe)
     state = State(recipe, distribution.device)
-    if distribution.leads:
-        run_directory.remove_temporaries(out)
-    if checkpoint.list_checkpoints(out / "checkpoints"):
-        state.load(checkpoint.load(checkpoint.newest(out / "checkpoints")))
-    return _run(recipe, out, state, distribution, quiet)
+    with run_directory.locked(out, distribution.leads):
+        if distribution.leads:
+            run_directory.remove_temporaries(out)
+        if checkpoint.list_checkpoints(out / "checkpoints"):
+            state.load(checkpoint.load(checkpoint.newest(out / "checkpoints")))
+        return _run(recipe, out, state, distribution, quiet)
 
 
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:

@@ -24,6 +24,11 @@ from typing import Any
 
 import torch
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+
 from .._files import atomic_path
 from .._objects import find_object
 from .._types import UserError
@@ -64,6 +69,29 @@ def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
         path / "recipe.json",
         {"recipe": origin.recipe, "arguments": origin.arguments, "resolved": describe(recipe)},
     )
+
+
+@contextmanager
+def locked(path: Path, leads: bool = True) -> Iterator[None]:
+    """Keep every other process from training this run meanwhile; the lock goes with the process, however it ends.
+
+    Where the system or the disk has no locks, nothing is kept away.
+
+    Raises:
+        UserError: if another process trains it.
+    """
+    held = path / "environment.json"  # written once, and never replaced
+    if not leads or fcntl is None or not held.exists():
+        yield
+        return
+    with held.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UserError(f"{path}: another process is training this run; wait for it, or stop it") from None
+        except OSError:
+            pass
+        yield
 
 
 def remove_temporaries(path: Path) -> None:
