@@ -12,7 +12,7 @@ from torch import Tensor
 
 from unproject._openimage import write_picture
 from unproject._types import UserError
-from unproject.data import probe_records, procedural_probes, read_probe, read_probes, resample_probe
+from unproject.data import mixed_probes, probe_records, procedural_probes, read_probe, read_probes, resample_probe
 from unproject.data.probes import directions
 from unproject.ops.environment import solid_angles
 
@@ -311,3 +311,18 @@ def test_lamps_are_warm_the_moon_is_not_and_the_night_is_dark(made: dict[str, Te
 def test_procedural_heights_are_checked(height: int) -> None:
     with pytest.raises(UserError, match=f"height of {height}"):
         procedural_probes(height)
+
+
+def test_mixed_probes_are_many_different_lights_of_one_strength() -> None:
+    probes = mixed_probes(6, 16, seed=1)
+    assert probes.shape == (6, 3, 16, 32) and probes.isfinite().all() and probes.min() >= 0
+    assert torch.equal(mixed_probes(3, 16, seed=1), probes[:3]) and not torch.equal(mixed_probes(3, 16), probes[:3])
+    assert torch.cdist(probes.flatten(1), probes.flatten(1)).add(torch.eye(6) * 99).min() > 1
+    cosine = directions(16, 32)[2].clamp(min=0).float()
+    irradiance = (probes.mean(1) * cosine * solid_angles(16, 32).float()).sum((1, 2))
+    torch.testing.assert_close(irradiance, torch.full((6,), math.pi), rtol=0.25, atol=0)
+
+
+def test_mixed_probes_are_counted() -> None:
+    with pytest.raises(UserError, match="count=0"):
+        mixed_probes(0)

@@ -23,7 +23,7 @@ from unproject.data.correlated import build_correlated
 from unproject.reproduce import Arm, Claim, Figure, Where, running, scoring
 from unproject.reproduce.running import is_finished
 from unproject.reproduce.scoring import grouped, octave_scores, score_truth
-from unproject.reproduce.sources import Place, birds, family, photographed
+from unproject.reproduce.sources import PROBES, Place, birds, family, photographed
 
 SMALL = {"size": 16, "steps": 2, "channels": 8, "batch": 4}
 TOY = Figure(
@@ -229,7 +229,7 @@ def test_photographs_are_lit_as_training_is_not(tmp_path: Path, monkeypatch: pyt
     flags = photographed("metal").flags(Place(tmp_path, None, 16))
     counts = {folder.name: len(list(folder.iterdir())) for folder in flags["data"].iterdir()}
     assert counts == dict.fromkeys(("diffuse", "specular", "roughness", "normal"), 2) | {"top": 3, "grazing": 3}
-    assert len(list(flags["probes"].glob("*.npy"))) == 3  # of five, every other
+    assert len(list(flags["probes"].glob("*.npy"))) == PROBES / 2  # every other
 
 
 def test_true_things_are_scored_once_and_shuffled_maps_do_not_go_together(

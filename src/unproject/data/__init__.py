@@ -14,7 +14,7 @@ from .materials import correlated, metal, plastic, wood
 from .observing import observe
 from .patches import material_patches
 from .probes import probe_records, read_probe, read_probes, resample_probe
-from .procedural_probes import procedural_probes
+from .procedural_probes import mixed_probes, procedural_probes
 from .sampling import batch_rows, held_out
 from .sightings import holds_sightings, read_sightings
 
@@ -50,6 +50,7 @@ __all__ = [
     "observe",
     "plastic",
     "probe_records",
+    "mixed_probes",
     "procedural_probes",
     "read",
     "read_images",

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -40,6 +41,33 @@ def procedural_probes(height: int = 64) -> tuple[Tensor, list[str]]:
     fine = 2 * height * max(1, math.ceil(FINEST / (2 * height)))  # even: no row straddles the horizon
     d = directions(fine, 2 * fine)
     return torch.stack([resample_probe(make(d), height).float() for make in PROBES.values()]), list(PROBES)
+
+
+def mixed_probes(count: int, height: int = 64, seed: int = 0) -> Tensor:
+    """Light of many places (count, 3, height, 2 height): sums of the five, since light adds up.
+
+    Σ_k w_k T_k(L_k), where L_k lights what lies flat as ambient light does, the weights w are Dirichlet with
+    concentration 1/3, so that one or two of them prevail, and T turns by whole columns and tints: the logarithm of
+    each channel changes by N(0, 0.1²). Probe i of a seed is the same whatever `count`.
+    """
+    if count < 1:
+        raise UserError(f"mixed probes: count={count}; give at least 1")
+    five = procedural_probes(height)[0]
+    five = five * (math.pi / _upper(five))[:, None, None, None]
+    made = []
+    for i in range(count):
+        rng = np.random.default_rng((seed, i))
+        weights = rng.dirichlet(np.full(len(five), 1 / 3))
+        turns = rng.integers(0, 2 * height, len(five))
+        tints = torch.from_numpy(np.exp(rng.normal(0, 0.1, (len(five), 3)))).float()
+        turned = torch.stack([probe.roll(int(k), dims=2) for probe, k in zip(five, turns, strict=True)])
+        made.append((torch.from_numpy(weights).float()[:, None, None, None] * tints[:, :, None, None] * turned).sum(0))
+    return torch.stack(made)
+
+
+def _upper(probes: Tensor) -> Tensor:
+    """(N,) irradiance on a surface that lies flat, mean of colours."""
+    return torch.stack([_irradiance(probe.double()).mean() for probe in probes]).float()
 
 
 def sky(d: Tensor) -> Tensor:

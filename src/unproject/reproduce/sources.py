@@ -25,8 +25,8 @@ from ..data import (
     chairs,
     digits,
     material_patches,
+    mixed_probes,
     observe,
-    procedural_probes,
     read,
     read_images,
     read_materials,
@@ -43,6 +43,7 @@ UNSEEN = 2**41
 PICTURES = 5 * 10**4  # seeds of what is photographed
 PHOTOGRAPHED = {"metal": (1000, 5000), "plastic": (1000, 5000), "wood-real": (2000, 2000)}
 """How many pictures of each map, and photographs of each kind."""
+PROBES = 48  # made, where light is not real: half of them for training
 NOT_CARS = ("kart", "tractor")
 
 
@@ -191,7 +192,7 @@ def photographed(name: str, real: bool = False) -> Source:
             if name == "wood-real":
                 _add_albedos(path, place)
 
-        lit = "real" if real else "procedural"
+        lit = "real" if real else "mixed"
         pictures = place.once(f"pictures-{name}-{lit}-light-{place.size}", make)
         return {"data": pictures, "probes": place.once(f"probes-{lit}", lambda path: _save_probes(path, ours))}
 
@@ -200,7 +201,7 @@ def photographed(name: str, real: bool = False) -> Source:
 
 def _probes(place: Place, real: bool) -> tuple[Tensor, Tensor]:
     """Light for training and light of the photographs: every other probe, so that none is in both."""
-    every = read_probes(place.real("hdr"), 32)[0] if real else procedural_probes(32)[0]
+    every = read_probes(place.real("hdr"), 32)[0] if real else mixed_probes(PROBES, 32)
     return every[::2], every[1::2]
 
 
