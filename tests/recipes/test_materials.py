@@ -138,6 +138,11 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         ("grazing", 4),
     ]
     assert [look.name for look, _ in wood_materials(data=tmp_path, looks=("top",), **TOY).looks] == ["top"]
+    # Nobody knows their light, and they count less than maps; our own renderings of top views count as all do.
+    weights = {look.name: look.weight for look, _ in wood_materials(data=tmp_path, natural=0.25, **TOY).looks}
+    assert weights == {"diffuse": 1.0, "top": 0.25, "grazing": 0.25}
+    ours = wood_materials(looks=("top", "flash"), renderings=2, emphasis=2.5, **TOY)
+    assert [look.weight for look, _ in ours.looks] == [2.5, 2.5]
     with pytest.raises(UserError, match="out of --looks"):
         wood_materials(data=tmp_path, looks=("normal", "top"), **TOY)
 

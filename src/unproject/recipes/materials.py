@@ -24,7 +24,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial, wraps
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor
@@ -73,6 +73,8 @@ STANDING = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60)
 """From the normal, and around it, of lamps that stand where they are."""
 BALANCE = 16  # steps between two measurements of how hard each way of looking pulls
 SMOOTHING = 20.0
+UNKNOWN_LIGHT = {"top", "grazing"}
+NATURAL = 0.5
 ENLARGED = 4  # folders of textures are read at so many times the size of what is cut out of them
 
 
@@ -96,6 +98,7 @@ def materials(
     rate: float = 1.5e-3,
     gamma: float = 0.5,
     emphasis: float = 3.0,
+    natural: float = NATURAL,
     smoothing: float = SMOOTHING,
     flips: bool = False,
     checkpoint_every: int = 250,
@@ -124,6 +127,8 @@ def materials(
         gamma: weight of R1 and R2, in units of what is seen brought to one deviation.
         emphasis: how much photographs count in the loss of the generator, where a map counts 1: they tell how maps go
             together.
+        natural: the same of `data`'s own photographs under natural light: nobody knows that light, and what another
+            light would explain is not to be painted into the maps.
         smoothing: how many times gamma counts for photographs: some hundred of them would be learned by heart.
         flips: learn from mirror images too, of maps and of those photographs whose light allows it: as if the mirror
             image of each material were another one.
@@ -132,12 +137,11 @@ def materials(
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
     source = source_of(world, data, size, seed)
     source = with_mirror_images(source) if flips else source
+    care = Care(emphasis, natural if are_sightings(data) else emphasis, smoothing)
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels),
         discriminator=partial(TextureDiscriminator, channels=judge, group=batch),
-        looks=pairs_of(
-            source, views, looks or looks_of(data), maps, renderings, probes, samples, (emphasis, smoothing)
-        ),
+        looks=pairs_of(source, views, looks or looks_of(data), maps, renderings, probes, samples, care),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
         generator_optimiser=adam,
@@ -211,13 +215,23 @@ def materials_paper(
     )
 
 
+class Care(NamedTuple):
+    """What photographs count for the generator, under lamps and under natural light; and their gradient penalty."""
+
+    lamps: float = 1.0
+    natural: float = 1.0
+    smoothing: float = 1.0
+
+
+PLAIN = Care()
+
 Source = Callable[[Observation, int], Tensor]
 """(which observation, how many) → what it saw of materials of its own."""
 
 
 def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
     """Where pictures come from: a world without end, the materials of `data`, or folders of pictures, one a look."""
-    if data is not None and holds_sightings(data, (*MAPS, *SEEN_FROM)):
+    if data is not None and are_sightings(data):
         return lambda look, count: _first(read_sightings(data, look.name, size).items, count, seed)
     found = None if data is None else read_materials(data, None if data.suffix == ".npz" else ENLARGED * size)[0]
 
@@ -232,6 +246,11 @@ def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
         return observe(things, [look], seed=own).items
 
     return see
+
+
+def are_sightings(data: Path | None) -> bool:
+    """Whether a folder has sub-folders of pictures, one a look."""
+    return data is not None and holds_sightings(data, (*MAPS, *SEEN_FROM))
 
 
 def with_mirror_images(source: Source) -> Source:
@@ -269,16 +288,13 @@ def pairs_of(
     renderings: int,
     probes: Path | None,
     samples: int,
-    care: tuple[float, float] = (1.0, 1.0),
+    care: Care = PLAIN,
 ) -> list[tuple[Observation, Collection]]:
-    """Each observation and what it saw; or the materials themselves, as many images in all.
-
-    `care` is how photographs are weighed and their discriminators smoothed.
-    """
+    """Each observation and what it saw; or the materials themselves, as many images in all."""
     counts = dict.fromkeys(MAPS, maps) | dict.fromkeys(SEEN_FROM, renderings)
     chosen = [name for name in dict.fromkeys(names) if counts.get(name, 1)]
     natural = natural_light(chosen, probes)
-    ways = [way_of(name, natural, samples, *care) for name in chosen]
+    ways = [way_of(name, natural, samples, care) for name in chosen]
     if not ways:
         raise UserError("looks: name at least one observation, with at least one sample")
     if views == "direct":
@@ -294,15 +310,13 @@ def _first(items: Tensor, count: int, seed: int) -> Tensor:
 
 def natural_light(names: Sequence[str], probes: Path | None, height: int = 32) -> Tensor | None:
     """Environments (K, 3, height, 2 height): those of a file or folder, or the built-in ones; None if not needed."""
-    if not {"top", "grazing"} & set(names):
+    if not UNKNOWN_LIGHT & set(names):
         return None
     return procedural_probes(height)[0] if probes is None else read_probes(probes, height)[0]
 
 
-def way_of(
-    name: str, natural: Tensor | None, samples: int, emphasis: float = 1.0, smoothing: float = 1.0
-) -> Observation:
-    """The observation of this name; photographs have the weight `emphasis`, and `smoothing`."""
+def way_of(name: str, natural: Tensor | None, samples: int, care: Care = PLAIN) -> Observation:
+    """The observation of this name."""
     if name in MAPS:
         return Observation(name, Selection(name), Product())
     if name not in SEEN_FROM:
@@ -313,7 +327,7 @@ def way_of(
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
     light, azimuth = ({"flash": (0.0, None)} | STANDING).get(name, (None, None))
     prior = rendering_prior(rendering, math.radians(SEEN_FROM[name]), light, light_azimuth=azimuth)
-    return Observation(name, rendering, prior, emphasis, smoothing)
+    return Observation(name, rendering, prior, care.natural if name in UNKNOWN_LIGHT else care.lamps, care.smoothing)
 
 
 def seen_by(look: Observation, pictures: Tensor) -> tuple[Observation, Collection]:
