@@ -18,8 +18,9 @@ class DCGANDiscriminator(nn.Module):
         shape: (C, H, W) of one image, square, a side of 4·2^k.
         heads: rows of the last layer, one a way of looking.
         channels: after the first convolution; doubles with every one, to eight times as many at most.
-        group: images of one batch, which are compared with one another: those of a concatenated forward pass of real
-            and generated ones are compared within their own group only. None: all that come together.
+        group: images of one batch, which are normed and compared with one another: those of a concatenated forward
+            pass of real and generated ones within their own group only, since generated ones come alone when the
+            generator learns. None: all that come together.
 
     References:
         Li et al. 2019, supplemental, section 2.2; Radford et al. 2016; Salimans et al. 2016 (minibatch discrimination).
@@ -53,11 +54,13 @@ class DCGANDiscriminator(nn.Module):
 
     def forward(self, image: Tensor, head: Tensor) -> Tensor:
         """Logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
-        x = self.layers((image * 2 - 1).contiguous(memory_format=torch.channels_last)).flatten(1)
-        groups = x.split(self.group or len(x))
-        x = torch.cat([torch.cat([part, self.minibatch(part)], 1) for part in groups])
+        x = torch.cat([self._features(part) for part in image.split(self.group or len(image))])
         row = self.last(head)
         return (x * row[:, :-1]).sum(1) + row[:, -1]
+
+    def _features(self, image: Tensor) -> Tensor:
+        x = self.layers((image * 2 - 1).contiguous(memory_format=torch.channels_last)).flatten(1)
+        return torch.cat([x, self.minibatch(x)], 1)
 
 
 class MinibatchDiscrimination(nn.Module):
