@@ -136,6 +136,13 @@ FIGURES = {
                 Arm(
                     "wood-joint", "wood", "wood", "625 with all maps, one discriminator", {"views": "direct", **AS_MANY}
                 ),
+                Arm(
+                    "wood-natural",
+                    "wood",
+                    "wood",
+                    "500 of each map, 250 each from the top and grazing under natural light",
+                    {"looks": (*MAPS, "top", "grazing")},
+                ),
                 WOOD_PAPER,
                 Arm(
                     "wood-joint-paper",
