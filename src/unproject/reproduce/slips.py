@@ -8,7 +8,7 @@ DEVIATIONS = (
     "weights, generators of their own), which are what a laptop can train in minutes.",
     "The cpu budget is nine minutes of training or less, of one core of two, so the seed's recipes are narrower "
     "there (see each command below), far from converged, and say only what can be had in that time. The gpu budget "
-    "has the seed's sizes.",
+    "has the seed's sizes; where this page shows none of its results, no GPU could be had.",
     "The view predictor of the seed's recipe is trained for 500 steps a round with 4,096 silhouettes in "
     "the cpu budget; the released code takes 100,000 and 65,536.",
     "The seed judges by eye. Here every claim is a number, its effect is compared with its spread over "
