@@ -106,6 +106,8 @@ def _light(text: str) -> tuple[str | Tensor, dict[str, float]]:
         return "ambient", {}
     if kind in ("directional", "coloured") and rest:
         theta, phi = _angles(f"--light {kind}:", rest, f"{kind}:45,90", 0.0)
+        if not abs(theta) < 90:
+            raise UserError(f"--light {text}: the light must be above the material, less than 90° from its normal")
         return kind, {"light": math.radians(theta), "light_azimuth": math.radians(phi)}
     if kind == "env" and rest:
         return _environment(rest), {"light": 0.0, "probe": 0.0}
