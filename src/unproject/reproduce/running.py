@@ -82,18 +82,23 @@ def is_kept(arm: Arm, seed: int, where: Where) -> bool:
 def finish(jobs: Iterable[Job], where: Where) -> None:
     """Train and score what is not yet kept. What fails does not keep the rest from being finished.
 
+    What arms learn from is written one after another, while those that have theirs are trained.
+
     Raises:
-        UserError: if something failed, naming each; before anything is trained, if what an arm learns from is missing.
+        UserError: if something failed, naming each; at once, if a result is not of the arm of its name.
     """
     missing = [job for job in jobs if not is_kept(*job, where)]
-    words = [command(*job, where) for job in missing]  # sources are written here, one after another
     children: set[subprocess.Popen[str]] = set()
+    futures: list[Future[None]] = []
     failures: list[str] = []
     with ThreadPoolExecutor(where.parallel) as pool, _leaving_none(children):
-        futures = [pool.submit(_train, *job, where, line, children) for job, line in zip(missing, words, strict=True)]
         try:
+            for job in missing:
+                with _noting(failures):
+                    futures.append(pool.submit(_train, *job, where, command(*job, where), children))
             for future in as_completed(futures):
-                failures += _failure(future)
+                with _noting(failures):
+                    future.result()
         except BaseException:
             for future in futures:
                 future.cancel()
@@ -104,12 +109,13 @@ def finish(jobs: Iterable[Job], where: Where) -> None:
         raise UserError("; ".join(failures))
 
 
-def _failure(future: Future[None]) -> list[str]:
+@contextmanager
+def _noting(failures: list[str]) -> Iterator[None]:
     try:
-        future.result()
+        yield
     except UserError as error:
-        return [str(error)]
-    return []
+        print(f"failed: {error}", flush=True)
+        failures.append(str(error))
 
 
 @contextmanager
