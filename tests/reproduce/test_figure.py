@@ -104,7 +104,7 @@ def test_claims_are_about_scores_that_there_are() -> None:
 
 @pytest.mark.parametrize("arm", [arm for arm in ARMS if arm.source in PHOTOGRAPHED], ids=lambda a: a.name)
 def test_photographs_are_as_many_as_the_table_says(arm: Arm) -> None:
-    maps, renderings = PHOTOGRAPHED[arm.source.removesuffix("-real") if arm.source != "wood-real" else arm.source]
+    maps, renderings = PHOTOGRAPHED[arm.source]
     assert arm.flags["maps"] >= maps and arm.flags["renderings"] == renderings
 
 

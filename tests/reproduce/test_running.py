@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from unproject import reproduce as package
 from unproject._types import UserError
@@ -23,7 +24,7 @@ from unproject.data.correlated import build_correlated
 from unproject.reproduce import Arm, Claim, Figure, Where, running, scoring
 from unproject.reproduce.running import is_finished
 from unproject.reproduce.scoring import grouped, octave_scores, score_truth
-from unproject.reproduce.sources import PROBES, Place, birds, family, photographed
+from unproject.reproduce.sources import PROBES, SOURCES, Place, birds, family, photographed
 
 SMALL = {"size": 16, "steps": 2, "channels": 8, "batch": 4}
 TOY = Figure(
@@ -230,6 +231,32 @@ def test_photographs_are_lit_as_training_is_not(tmp_path: Path, monkeypatch: pyt
     counts = {folder.name: len(list(folder.iterdir())) for folder in flags["data"].iterdir()}
     assert counts == dict.fromkeys(("diffuse", "specular", "roughness", "normal"), 2) | {"top": 3, "grazing": 3}
     assert len(list(flags["probes"].glob("*.npy"))) == PROBES / 2  # every other
+
+
+def test_real_sets_are_cut_photographed_and_scored_but_not_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unproject.reproduce.sources.PHOTOGRAPHED", {"plastic-sets": (2, 3)})
+    monkeypatch.setattr("unproject.reproduce.sources.MATERIALS", 8)
+    materials, probes = tmp_path / "data" / "materials", tmp_path / "data" / "hdr"
+    rng = np.random.default_rng(0)
+    textures = materials / "svbrdf" / "plastic" / "toy"
+    textures.mkdir(parents=True)
+    for name, channels in (("albedo", 3), ("roughness", 1)):
+        pixels = rng.integers(40, 200, (64, 64, channels), dtype=np.uint8)
+        Image.fromarray(pixels.squeeze()).save(textures / f"{name}.png")
+    Image.fromarray(np.full((64, 64, 3), (128, 128, 255), np.uint8)).save(textures / "normal.png")
+    np.savez(materials / "ambientcg_diffuse64_plastic.npz", albedo64=np.zeros((5, 64, 64, 3), np.uint8))
+    probes.mkdir()
+    for k in range(2):
+        np.save(probes / f"{k}.npy", rng.uniform(0.5, 1, (8, 16, 3)).astype(np.float32))
+    place = Place(tmp_path / "runs", tmp_path / "data", 16)
+    pictures = SOURCES["plastic-sets"].flags(place)["data"]
+    counts = {folder.name: len(list(folder.iterdir())) for folder in pictures.iterdir()}
+    assert counts == dict.fromkeys(("specular", "roughness", "normal"), 2) | {"diffuse": 7, "top": 3, "grazing": 3}
+    truths = Where(tmp_path, tmp_path / "kept", place.data, "cpu").truths("plastic-sets")
+    score_truth("plastic-sets", place, truths, {"budget": "cpu"})
+    assert truths["truth"].exists and not list((tmp_path / "kept").glob("*.jpg"))
 
 
 def test_true_things_are_scored_once_and_shuffled_maps_do_not_go_together(

@@ -86,7 +86,8 @@ def score_truth(source: str, place: Place, truths: Mapping[str, Kept], about: Ma
     reference = SOURCES[source].reference(place)
     truths["truth"].folder.mkdir(parents=True, exist_ok=True)
     for name, chosen in (sets | {"truth": things}).items():
-        save_picture(partial(_first, chosen), truths[name].picture)
+        if not SOURCES[source].real:
+            save_picture(partial(_first, chosen), truths[name].picture)
         maps = kind_of(chosen) == "maps"
         scores = score_materials(chosen, reference, source) if maps else score_things(chosen, reference)
         truths[name].write(scores, {**about, "scored": scored_with()})

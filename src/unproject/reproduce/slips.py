@@ -14,9 +14,9 @@ DEVIATIONS = (
     "The seed judges by eye. Here every claim is a number, its effect is compared with its spread over "
     "seeds, and a claim that one seed contradicts is undecided.",
     "Wood verified by artists, SVBRDFs of metal and plastic, 98 light probes and the photographs are not "
-    "public in that form: procedural worlds and probes stand in for them, and nine real sets of wood and "
-    "45 real probes where --data is given.",
-    "Arms of real photographs, of car meshes and of real wood are scored against the collection they learn "
+    "public in that form: procedural worlds and probes stand in for them, and real texture sets (9 of wood, "
+    "22 of metal, 5 of plastic) and 45 real probes where --data is given.",
+    "Arms of real photographs, of car meshes and of real texture sets are scored against the collection they learn "
     "from, since there are too few to hold some out: read their scores as how near, not how new.",
     'k_s is read as the reflectance at normal incidence (`fresnel="albedo"`): with the seed\'s F0 of (η - '
     "1)²/(η + 1)² and η = 1.5 a k_s of 1 reflects four per cent, which no metal does.",

@@ -5,6 +5,7 @@ Files that have to be written first, such as photographs of metal, are written o
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Callable
@@ -41,8 +42,18 @@ SHAPES, HELD_OUT, MATERIALS = 1000, 512, 500
 UNSEEN = 2**41
 """Seed of the materials arms are scored against; `unproject evaluate` takes 2**40, on which recipes were chosen."""
 PICTURES = 5 * 10**4  # seeds of what is photographed
-PHOTOGRAPHED = {"metal": (1000, 5000), "plastic": (1000, 5000), "wood-real": (2000, 2000)}
+PHOTOGRAPHED = {
+    "metal": (1000, 5000),
+    "plastic": (1000, 5000),
+    "wood-real": (2000, 2000),
+    "metal-sets": (1000, 2000),
+    "plastic-sets": (1000, 2000),
+}
 """How many pictures of each map, and photographs of each kind."""
+SETS = {"wood-real": "wood", "metal-sets": "metal", "plastic-sets": "plastic"}
+"""Sources that are patches of real texture sets, and the folder of these."""
+ALBEDOS = ("wood", "plastic")
+"""Of which further albedos are diffuse maps; a metal has none."""
 PROBES = 48  # made, where light is not real: half of them for training
 NOT_CARS = ("kart", "tractor")
 
@@ -89,11 +100,13 @@ class Source:
         flags: of the recipe, which name what to learn from.
         reference: true things that no arm has seen.
         others: other true things, whose scores are what a perfect generator would get; None where there are no more.
+        real: whether they are of a real collection, of which no picture is kept: it is not ours to hand on.
     """
 
     flags: Callable[[Place], Flags]
     reference: Draw
     others: Draw | None = None
+    real: bool = False
 
 
 def built_in(place: Place) -> Flags:
@@ -134,6 +147,7 @@ def file(name: str, reference: str | None = None) -> Source:
         lambda place: {"data": Path(there(place, name))},
         lambda place: read(there(place, kept), size=place.size).items,
         learned_from if reference else None,
+        real=True,
     )
 
 
@@ -179,7 +193,7 @@ def photographed(name: str, real: bool = False) -> Source:
     """Maps, and renderings that stand in for photographs, lit as training is not, as folders of PNGs.
 
     Args:
-        name: of a world; or "wood-real", patches of real sets.
+        name: of a world; or one of `SETS`.
         real: whether real probes light them.
     """
 
@@ -189,14 +203,14 @@ def photographed(name: str, real: bool = False) -> Source:
 
         def make(path: Path) -> None:
             _photograph(path, name, things, theirs)
-            if name == "wood-real":
-                _add_albedos(path, place)
+            if SETS.get(name) in ALBEDOS:
+                _add_albedos(path, SETS[name], place)
 
         lit = "real" if real else "mixed"
         pictures = place.once(f"pictures-{name}-{lit}-light-{place.size}", make)
         return {"data": pictures, "probes": place.once(f"probes-{lit}", lambda path: _save_probes(path, ours))}
 
-    return Source(data, *two_draws(partial(_materials, name)))
+    return Source(data, *two_draws(partial(_materials, name)), real=name in SETS)
 
 
 def _probes(place: Place, real: bool) -> tuple[Tensor, Tensor]:
@@ -214,8 +228,9 @@ def _save_probes(folder: Path, probes: Tensor) -> None:
 def _materials(name: str, place: Place) -> Materials:
     if name in WORLDS:
         return partial(_of_world, name, place.size)
-    sets = read_materials(place.real("materials/svbrdf/wood"), 4 * place.size)[0]
-    return lambda count, seed: material_patches(sets, count, place.size, seed, turn=0.1)
+    sets = read_materials(place.real(f"materials/svbrdf/{SETS[name]}"), 4 * place.size)[0]
+    turn = 0.1 if SETS[name] == "wood" else math.pi  # grain goes up and down
+    return lambda count, seed: material_patches(sets, count, place.size, seed, turn=turn)
 
 
 def _photograph(folder: Path, name: str, things: Materials, light: Tensor) -> None:
@@ -234,9 +249,9 @@ def _photograph(folder: Path, name: str, things: Materials, light: Tensor) -> No
         _write(folder / look, seen.items)
 
 
-def _add_albedos(folder: Path, place: Place) -> None:
-    """The 246 albedos of CC0 woods at hand, as diffuse maps."""
-    with np.load(place.real("materials/ambientcg_diffuse64_wood.npz"), allow_pickle=False) as albedos:
+def _add_albedos(folder: Path, kind: str, place: Place) -> None:
+    """The albedos at hand, of 246 CC0 woods or 29 plastics, as diffuse maps."""
+    with np.load(place.real(f"materials/ambientcg_diffuse64_{kind}.npz"), allow_pickle=False) as albedos:
         for k, albedo in enumerate(albedos["albedo64"]):
             Image.fromarray(albedo).save(folder / "diffuse" / f"albedo-{k:03d}.png")
 
@@ -262,14 +277,18 @@ SOURCES: dict[str, Source] = {
     "cars-meshes": Source(
         lambda place: {"data": car_volumes(place)},
         lambda place: read(car_volumes(place), size=place.size).items,
+        real=True,
     ),
     "digits": Source(built_in, lambda place: digits(place.size, held_out=True), lambda place: digits(place.size)),
     "mnist": Source(
-        lambda place: {"data": place.real("mnist/train-images-idx3-ubyte.gz")}, mnist("t10k"), mnist("train")
+        lambda place: {"data": place.real("mnist/train-images-idx3-ubyte.gz")},
+        mnist("t10k"),
+        mnist("train"),
+        real=True,
     ),
     **{name: world(name) for name in ("wood", "correlated")},
     **{name: photographed(name) for name in ("metal", "plastic")},
     **{f"{name}-real": photographed(name, real=True) for name in ("metal", "plastic")},
-    "wood-real": photographed("wood-real", real=True),
+    **{name: photographed(name, real=True) for name in SETS},
 }
 """By name."""
