@@ -9,24 +9,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from unproject.reproduce import FIGURES, Report, Where, report_of, write, write_summary
+from unproject.reproduce import FIGURES, Where, report_of, write, write_summary
 
 DOCS = Path(__file__).parent.parent / "docs"
 BUDGET = "cpu"
 PAGES = f"results/reproduction/{BUDGET}/"
 
 
-def reports() -> tuple[Report, ...]:
+def write_pages(docs: Path) -> None:
+    """All of them into a folder, from what is kept in the project's own."""
     where = Where(Path("runs"), DOCS / PAGES / "results", None, BUDGET)
-    return tuple(report_of(figure, where) for figure in FIGURES.values())
-
-
-def main() -> None:
-    found = reports()
-    for report in found:
-        write(report, DOCS / PAGES)
-    write_summary(found, DOCS / "reproduction.md", PAGES)
+    reports = [report_of(figure, where) for figure in FIGURES.values()]
+    for report in reports:
+        write(report, docs / PAGES)
+    write_summary(reports, docs / "reproduction.md", PAGES)
 
 
 if __name__ == "__main__":
-    main()
+    write_pages(DOCS)

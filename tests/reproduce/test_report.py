@@ -14,6 +14,7 @@ from PIL import Image
 from unproject._types import UserError
 from unproject.reproduce import Arm, Claim, Figure, Report, write, write_summary
 from unproject.reproduce.kept import Kept
+from unproject.reproduce.report import Judged
 
 FIGURE = Figure(
     "fig7",
@@ -58,7 +59,7 @@ def test_a_report_says_what_is_claimed_what_was_measured_and_how(report: Report,
     text = (tmp_path / "out" / "fig7.md").read_text()
     for part in ("What is claimed.", "What is said.", "2.00, 1.91", "holds", "not measured", "abc1234", "It is small."):
         assert part in text
-    assert "| ours | 1.0, 1.0 | 1.05 (1, 1.1) |" in text
+    assert "| ours | 1.0, 1.0 | 1.05 (1, 1.1) |" in text and "- far, less is better: p\n" in text
     with Image.open(tmp_path / "out" / "fig7.png") as picture:
         assert picture.size == (72, 42)
 
@@ -95,12 +96,27 @@ def test_a_report_of_nothing_is_undecided(tmp_path: Path) -> None:
     assert report.verdict == "undecided" and {path.suffix for path in paths} == {".md", ".html"}
 
 
-def test_what_is_beyond_the_seed_does_not_decide_its_figure(report: Report) -> None:
+def test_what_is_beyond_the_paper_does_not_decide_its_figure(report: Report) -> None:
     ours = replace(report.figure.claims[0], ours=True)
-    seed = Claim("farther", "theirs", "ours", ("far",))
-    both = Report(replace(FIGURE, claims=(ours, seed)), report.kept)
+    papers = Claim("farther", "theirs", "ours", ("far",))
+    both = Report(replace(FIGURE, claims=(ours, papers)), report.kept)
     assert [one.verdict for one in both.judged] == ["holds", "does not hold"] and both.verdict == "does not hold"
-    assert both.judged[0].text == "Beyond the seed: nearer"
+    assert both.judged[0].text == "Beyond the paper: nearer"
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        ((0.5, 0.51), "holds"),
+        ((0.5, 0.1), "undecided (every seed as claimed)"),
+        ((-0.5, -0.1), "undecided (no seed as claimed)"),
+        ((0.5, -0.1), "undecided (seeds disagree)"),
+        ((0.5,), "undecided"),
+        ((), "undecided"),
+    ],
+)
+def test_what_is_undecided_may_lean(effects: tuple[float, ...], said: str) -> None:
+    assert Judged(FIGURE.claims[0], effects).said == said
 
 
 def test_claims_against_true_things(report: Report, tmp_path: Path) -> None:

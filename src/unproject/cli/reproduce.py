@@ -26,17 +26,17 @@ def run(
     threads: int | None = None,
     report: bool = False,
 ) -> None:
-    """Train the arms of a figure of the seed, score them and judge its claims; fig1 and fig6 print the networks.
+    """Train the arms of a figure of the paper's supplemental, score them, judge its claims; fig1, fig6: networks.
 
     What an arm gave is kept as soon as it is finished, and nothing is computed twice; an arm that was interrupted is
     resumed. Leaves in --out/BUDGET: FIG.md, FIG.html (one file, pictures inside), FIG.png, and results/, the scores and
-    pictures of every arm and seed.
+    pictures of every arm and seed; for all, also all.md and the networks.
 
     Args:
         figure: fig1 to fig12, or all.
-        budget: cpu: two cores, at most ten minutes an arm; gpu: the sizes of the seed.
+        budget: cpu: small, about ten minutes and a core an arm; gpu: the sizes of the paper.
         seeds: how often each arm is trained; a verdict needs two.
-        data: real collections (MNIST, masks, meshes, probes); the embedded worlds alone unless given.
+        data: a folder of real collections, as docs/reproduction.md lists them; the embedded worlds alone unless given.
         out: where reports and results are kept, a folder a budget.
         runs: where the runs are, a folder a budget.
         parallel: trainings at a time; two in the cpu budget and one in the other unless given.
@@ -67,4 +67,4 @@ def run(
     for found in go(figure, where, seeds, out / budget, train=not report):
         print(f"{found.figure.name}: {found.verdict}")
         for one in found.judged:
-            print(f"  {one.verdict}: {one.claim.text}")
+            print(f"  {one.said}: {one.text}")

@@ -109,11 +109,11 @@ def materials(
         world: (count, size, seed) → maps (count, 8, size, size), where there is no `data`.
         data: a folder with a sub-folder of pictures for each look; or folders of textures, or an .npz of maps, of
             which patches are seen through `looks`; the embedded world unless given.
-        views: known, or direct: one discriminator of all maps at once, with as many images in all.
+        views: known, a discriminator for each look; or direct, one of all maps at once, with as many images in all.
         looks: the observations, by name; unless given, those that `data` has sub-folders for, or the four maps, flash,
             coloured and ambient, each of which tells something else of how the maps go together.
-        maps: how many samples each map has.
-        renderings: how many pictures each kind of photograph has.
+        maps: how many samples each map has, or as many as `data` has.
+        renderings: how many pictures each kind of photograph has, likewise.
         probes: natural light: a folder, an .npz or one file; five built in unless given.
         size: pixels a side.
         samples: a pixel, where light is not directional.
@@ -182,10 +182,10 @@ def materials_paper(
     Args:
         world: (count, size, seed) → maps (count, 8, size, size), where there is no `data`.
         data: as in `materials`.
-        views: known, or direct: one discriminator of all maps at once, with as many images in all.
+        views: known, a discriminator for each look; or direct, one of all maps at once, with as many images in all.
         looks: the observations, by name.
-        maps: how many samples each map has.
-        renderings: how many pictures each kind of photograph has.
+        maps: how many samples each map has, or as many as `data` has.
+        renderings: how many pictures each kind of photograph has, likewise.
         probes: natural light: a folder, an .npz or one file; five built in unless given.
         size: pixels a side.
         samples: a pixel, where light is not directional.

@@ -1,4 +1,4 @@
-"""The seed's figures, reproduced: arms trained, scored and kept, claims judged, reports written."""
+"""The paper's figures, reproduced: arms trained, scored and kept, claims judged, reports written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much of the seed's experiment an arm is: on two cores in minutes, or at full size on a GPU."""
+"""How much of the paper's experiment an arm is: on two cores in minutes, or at full size on a GPU."""
 
 from __future__ import annotations
 

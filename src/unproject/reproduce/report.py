@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import mean
@@ -17,6 +17,7 @@ from .._files import atomic_path
 from .figure import Claim, Figure, Verdict, overall, verdict
 from .kept import Kept
 from .slips import DEVIATIONS, SLIPS
+from .sources import COLLECTIONS
 
 LABEL, GAP, WIDEST = 22, 12, 1600
 
@@ -34,7 +35,16 @@ class Judged:
 
     @property
     def text(self) -> str:
-        return f"Beyond the seed: {self.claim.text}" if self.claim.ours else self.claim.text
+        return f"Beyond the paper: {self.claim.text}" if self.claim.ours else self.claim.text
+
+    @property
+    def said(self) -> str:
+        """The verdict; undecided, though all seeds are on one side, is not the same as contradicted."""
+        if self.verdict != "undecided" or len(self.effects) < 2:
+            return self.verdict
+        good = [effect > 0 for effect in self.effects]
+        leaning = "every seed as claimed" if all(good) else "seeds disagree" if any(good) else "no seed as claimed"
+        return f"undecided ({leaning})"
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ class Report:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the seed's claims; those beyond it, and those of real collections that are not at hand, do not count."""
+        """Of the paper's claims; those beyond it, and those of real collections that are not at hand, do not count."""
         return overall([one.verdict for one in self.judged if not one.claim.ours])
 
     def seeds(self, arm: str) -> list[int]:
@@ -87,28 +97,34 @@ def write(report: Report, folder: Path) -> tuple[Path, ...]:
 
 
 def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> None:
-    """One page of Markdown: every claim and its effect at each seed, deviations, the seed's slips, how it was made.
+    """One page of Markdown: every claim and its margin at each seed, deviations, the paper's slips, how it was made.
 
     Args:
         pages: the folder of the figures' own pages, as seen from this one; ends in a slash unless empty.
     """
-    rows = [["figure", "claim", "scores", "times, by seed", "verdict"]]
+    rows = [["figure", "claim", "scores", MARGIN, "verdict"]]
     for report in reports:
         name = f"[{report.figure.name.replace('fig', 'Fig. ')}]({pages}{report.figure.name}.md)"
         rows.append([name, report.figure.claim, "", "", report.verdict])
         for judged in report.judged:
-            rows.append(["", judged.text, ", ".join(judged.claim.scores), times(judged), judged.verdict])
+            rows.append(["", judged.text, ", ".join(judged.claim.scores), margins(judged), judged.said])
     own = [f"{r.figure.name.replace('fig', 'Fig. ')}: {line}" for r in reports for line in r.figure.deviations]
     arms = {key: kept for report in reports for key, kept in report.kept.items()}
     blocks: list[Block] = [
-        ("heading", "The seed's figures, reproduced"),
+        ("heading", "The figures of the paper's supplemental material, reproduced"),
         ("text", HOW_TO_READ),
         ("table", rows),
-        ("section", "Deviations from the seed"),
+        ("section", "Scores"),
+        ("list", protocols(arms.values(), [claim for report in reports for claim in report.figure.claims])),
+        ("section", "Deviations from the paper"),
         ("list", [*DEVIATIONS, *own]),
-        ("section", "Slips of the seed, and what is left open"),
+        ("section", "Slips of the paper, and what is left open"),
         ("list", list(SLIPS)),
+        ("section", "Real collections"),
+        ("text", REAL_COLLECTIONS),
+        ("list", [f"`{path}`: {what}" for path, what in COLLECTIONS.items()]),
         ("section", "How it was made"),
+        ("text", HOW_MADE),
         ("table", made_rows(arms)),
     ]
     with atomic_path(path) as temporary:
@@ -116,17 +132,42 @@ def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> Non
 
 
 HOW_TO_READ = (
-    "The seed is the supplemental of Li, Dong, Peers, Tong, CVPR 2019. *Times* is how many times as good as claimed "
-    "a score is at each seed: 1 is just as claimed, more is better. A claim holds, or does not, if the logarithms "
-    "of these pass Student's t test, five per cent on either side (with two seeds that asks for nearly the same "
-    "effect twice, and of twenty claims with nothing in them one holds and one does not by chance); it is undecided "
-    "otherwise. A figure holds if all the seed's claims do; those beyond the seed are ours."
+    "The paper is Li, Dong, Peers, Tong, CVPR 2019. The figures of its supplemental material have no numbers: what a "
+    "claim asks for is this project's, and a claim that does not name the paper's recipe is about this project's. "
+    "*Margin* is how many times better than what is asked for a score is: 1 just meets it, and where at most a third "
+    "of a distance is asked for, 1.5 is 4.5 times nearer. Several scores count as one, their geometric mean. A claim "
+    "holds, or does not, if the logarithms of its margins pass Student's t test, five per cent on either side: of "
+    "twenty claims with nothing in them one holds and one does not by chance. It is undecided if there are fewer than "
+    "two seeds, if the mean margin is within two per cent of 1, and if seeds differ too much; two seeds decide only if "
+    "one logarithm is at most 1.37 times the other. `--seeds 3` adds a third; what is kept is not trained again. "
+    "A figure holds if all the paper's claims do. That it does not means: not reproduced here, with this budget."
 )
+HOW_MADE = (
+    "Folders are cut to their names; `unproject reproduce` writes them, and repeats an arm whose result is removed. "
+    "A commit that ends in -dirty had changes which were not committed."
+)
+REAL_COLLECTIONS = (
+    "Arms of real collections are trained where `--data` is given: a folder with any of these. Arms whose file is "
+    "missing fail, each with a line that says so; the others are finished."
+)
+SCORE_TABLE = (
+    "Scores are the mean over seeds, in brackets each seed's. Beside the arms: truth, what other true things score, "
+    "which is the best to be had; shuffled, these with their maps exchanged between materials."
+)
+MARGIN = "margin, by seed"
 
 
-def times(judged: Judged) -> str:
-    """How many times as good as claimed at each seed; 1 is just as claimed."""
+def margins(judged: Judged) -> str:
+    """How many times better than asked for at each seed; 1 just meets it."""
     return ", ".join(f"{math.exp(effect):.2f}" for effect in judged.effects) or "not measured"
+
+
+def protocols(results: Iterable[Kept], claims: Sequence[Claim]) -> list[str]:
+    """What each score that claims are about measures, as it was measured, and whether more or less of it is better."""
+    contents = [kept.read()["scores"] for kept in results]
+    better = {score: "more" if claim.higher else "less" for claim in claims for score in claim.scores}
+    found = {name: next((c[name]["protocol"] for c in contents if name in c), "") for name in better}
+    return [f"{name}, {better[name]} is better: {protocol}" for name, protocol in found.items() if protocol]
 
 
 Block = tuple[str, Any]
@@ -137,25 +178,31 @@ def blocks_of(report: Report, picture: Path | None) -> list[Block]:
     figure = report.figure
     blocks: list[Block] = [
         ("heading", f"{figure.name.replace('fig', 'Fig. ')}: {figure.title}"),
-        ("text", f"The seed's claim: {figure.claim}"),
-        ("text", f"The seed says: {figure.says}"),
+        ("text", f"The paper's claim: {figure.claim}"),
+        ("text", f"The paper says: {figure.says}"),
         ("text", f"Verdict: {report.verdict}."),
     ]
     if picture is not None:
-        blocks.append(("picture", picture))
+        blocks += [
+            ("picture", picture),
+            ("text", f"{figure.caption} Of each arm's first seed, the first ones, none chosen."),
+        ]
     blocks += [
-        ("table", [["claim", "times, by seed", "verdict"], *map(_claim_row, report.judged)]),
+        ("table", [["claim", MARGIN, "verdict"], *map(_claim_row, report.judged)]),
+        ("text", HOW_TO_READ),
         ("table", score_rows(report)),
+        ("text", SCORE_TABLE),
+        *([("list", found)] if (found := protocols(report.kept.values(), figure.claims)) else []),
         ("text", "Arms:"),
         ("list", [f"{arm.name}: {arm.says} (`{arm.recipe}`)" for arm in (*figure.arms, *figure.real)]),
     ]
     if figure.deviations:
-        blocks += [("text", "Deviations from the seed:"), ("list", list(figure.deviations))]
-    return [*blocks, ("text", "How it was made:"), ("table", made_rows(report.kept))]
+        blocks += [("text", "Deviations from the paper:"), ("list", list(figure.deviations))]
+    return [*blocks, ("text", f"How it was made. {HOW_MADE}"), ("table", made_rows(report.kept))]
 
 
 def _claim_row(judged: Judged) -> list[str]:
-    return [f"{judged.text} ({', '.join(judged.claim.scores)})", times(judged), judged.verdict]
+    return [f"{judged.text} ({', '.join(judged.claim.scores)})", margins(judged), judged.said]
 
 
 def score_rows(report: Report) -> list[list[str]]:

@@ -1,29 +1,30 @@
-"""What differs from the seed everywhere, and what the seed itself has wrong or leaves open."""
+"""What differs from the paper everywhere, and what the paper itself has wrong or leaves open."""
 
 from __future__ import annotations
 
 DEVIATIONS = (
-    "Each figure has arms of two kinds. Those whose names end in -paper keep the seed's networks, losses and rates "
+    "Each figure has arms of two kinds. Those whose names end in -paper keep the paper's networks, losses and rates "
     "as far as it gives them; the others are this project's recipes (relativistic loss with R1 + R2, averaged "
     "weights, generators of their own), which are what a laptop can train in minutes.",
-    "The cpu budget is nine minutes of training or less, of one core of two, so the seed's recipes are narrower "
-    "there (see each command below), far from converged, and say only what can be had in that time. The gpu budget "
-    "has the seed's sizes; where this page shows none of its results, no GPU could be had.",
-    "The view predictor of the seed's recipe is trained for 500 steps a round with 4,096 silhouettes in "
+    "In the cpu budget an arm has one core of two for nine minutes, or for 1,400 steps of this project's materials "
+    "(the tables say how long these took), so the paper's recipes are narrower there (see each command below), far "
+    "from converged, and say only what can be had in that time. The gpu budget has the paper's sizes; where this "
+    "page shows none of its results, no GPU could be had.",
+    "The view predictor of the paper's recipe is trained for 500 steps a round with 4,096 silhouettes in "
     "the cpu budget; the released code takes 100,000 and 65,536.",
-    "The seed judges by eye. Here every claim is a number, its effect is compared with its spread over "
-    "seeds, and a claim that one seed contradicts is undecided.",
+    "The paper judges by eye. Here every claim is a number, its effect is compared with its spread over "
+    "seeds, and a claim about which two seeds differ much is undecided.",
     "Wood verified by artists, SVBRDFs of metal and plastic, 98 light probes and the photographs are not "
     "public in that form: procedural worlds and probes stand in for them, and real texture sets (9 of wood, "
     "22 of metal, 5 of plastic) and 45 real probes where --data is given.",
     "Arms of real photographs, of car meshes and of real texture sets are scored against the collection they learn "
     "from, since there are too few to hold some out: read their scores as how near, not how new.",
-    'k_s is read as the reflectance at normal incidence (`fresnel="albedo"`): with the seed\'s F0 of (η - '
+    'k_s is read as the reflectance at normal incidence (`fresnel="albedo"`): with the paper\'s F0 of (η - '
     "1)²/(η + 1)² and η = 1.5 a k_s of 1 reflects four per cent, which no metal does.",
     'Gradients of rendering are exact, not finite differences (which `Sampling(gradient="differences")` '
     "computes): in spherical coordinates those are degenerate where a normal is flat.",
 )
-"""From the seed, in every figure, each with its reason; a figure has its own besides."""
+"""From the paper, in every figure, each with its reason; a figure has its own besides."""
 
 SLIPS = (
     "Eq. 5 leaves out L(ωi): the derivative by k_s is an integral of light like that by k_d (eq. 4), and "
@@ -40,4 +41,4 @@ SLIPS = (
     "car, and are here.",
     'The view-bins are "16 discrete" ones without angles; the released code has 16 of azimuth at elevation 0.',
 )
-"""Of the seed, and what is done about each."""
+"""Of the paper, and what is done about each."""

@@ -58,6 +58,19 @@ PROBES = 48  # made, where light is not real: half of them for training
 NOT_CARS = ("kart", "tractor")
 
 
+COLLECTIONS = {
+    "mnist/{train,t10k}-images-idx3-ubyte.gz": "the digits, as they are published",
+    "silhouettes/bird_cub_aves_64.npz": "masks of photographs of birds, (N, 64, 64)",
+    "silhouettes/chair_ikea_64.npz": "masks of product photographs of chairs, (N, 64, 64)",
+    "shapes3d/modelnet7_vox30_packbits.npz": "voxels of ModelNet, of which the chairs are taken",
+    "shapes3d/cars_kenney_cc0_meshes.npz": "meshes: `name`, `verts`, `faces`, `vert_start`, `face_start`",
+    "hdr/": "light probes, .hdr or .exr; every other one lights what is photographed",
+    "materials/svbrdf/{wood,metal,plastic}/": "texture sets, a folder each",
+    "materials/ambientcg_diffuse64_{wood,plastic}.npz": "further albedos, `albedo64` (N, 64, 64, 3), 8 bits, sRGB",
+}
+"""What `--data` may hold, and what it is."""
+
+
 @dataclass(frozen=True)
 class Place:
     """Where files are written, the real collections if there are any, and the side of things."""

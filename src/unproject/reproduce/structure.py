@@ -1,4 +1,4 @@
-"""Networks as they are built, the seed's Figs. 1 and 6: each layer, what comes out of it, how much it learns."""
+"""Networks as they are built, the paper's Figs. 1 and 6: each layer, what comes out of it, how much it learns."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def _scores(recipe: Recipe, panel: Panel, generated: Tensor, reference: Tensor, 
 def rendered_alike(generated: Tensor, reference: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
     """Both sets of maps under the same lights, those of `relit`."""
     pairs = zip(relit(generated), relit(reference), strict=True)
-    return dict(zip(("flash", *(name for name, _ in LIGHTS)), pairs, strict=True))
+    return dict(zip(("lamp", *(name for name, _ in LIGHTS)), pairs, strict=True))
 
 
 def assigned_panel(run: Run, recipe: Recipe) -> Panel:

@@ -41,10 +41,10 @@ def save_picture(things: Callable[[int], Tensor], path: Path) -> None:
 
 @torch.no_grad()
 def relit(maps: Tensor) -> list[Tensor]:
-    """Maps under a flash from above and under the built-in lights: pictures (N, 3, H, W), one a light."""
+    """Maps from above under a lamp ½ rad from the normal, and under the built-in lights: (N, 3, H, W), one a light."""
     theta = torch.zeros(len(maps))
-    flash = Rendering("directional", Reflection("albedo"))
-    pictures = [flash(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)]
+    lamp = Rendering("directional", Reflection("albedo"))
+    pictures = [lamp(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)]
     for look, (_, view) in zip(_looks(), LIGHTS, strict=True):
         pictures.append(look(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5))
     return pictures
