@@ -13,6 +13,7 @@ from unproject.metrics import image_scores, shape_scores
 from unproject.recipes import find
 from unproject.reproduce import FIGURES, Arm, Claim, overall, verdict
 from unproject.reproduce.budgets import SIZES, flags_of
+from unproject.reproduce.figure import Spread, pooled
 from unproject.reproduce.scoring import score_materials
 from unproject.reproduce.sources import PHOTOGRAPHED, SOURCES
 
@@ -35,30 +36,38 @@ def test_an_effect_against_a_number() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effects", "expected"),
+    ("effects", "variance", "freedom", "expected"),
     [
-        ([], "undecided"),
-        ([5.0], "undecided"),
-        ([0.5, 0.6], "holds"),
-        ([-0.5, -0.6], "does not hold"),
-        ([0.5, -0.1], "undecided"),
-        ([0.1, 2.0], "undecided"),
-        ([0.0, 0.5], "undecided"),
-        ([0.5, 0.6, 0.55], "holds"),
-        ([0.01, 0.01], "undecided"),  # always the same, and nothing to speak of
-        ([0.5, 0.8], "undecided"),  # Student's t of two asks for 6.3 standard errors
-        ([0.5, 0.8, 0.65], "holds"),
-        ([-0.1, 0.5, 0.6, 0.5, 0.6, 0.5], "holds"),  # one seed of many may differ
+        ([], 0.01, 4, "undecided"),
+        ([5.0], 0.01, 4, "undecided"),
+        ([0.5, 0.6], 0.01, 4, "holds"),
+        ([-0.5, -0.6], 0.01, 4, "does not hold"),
+        ([0.2, 0.2], 0.04, 4, "undecided"),  # t of four asks for 2.13 standard errors, and these are 1.41
+        ([0.31, 0.31], 0.04, 4, "holds"),  # 2.19
+        ([0.31, 0.31], 0.04, 1, "undecided"),  # t of one asks for 6.3
+        ([0.2, 0.2, 0.2, 0.2], 0.03, 6, "holds"),  # 2.31 of 1.94
+        ([0.01, 0.01], 0.0, 4, "undecided"),  # always the same, and nothing to speak of
+        ([0.5, 0.5], 0.0, 0, "undecided"),  # no arm has two seeds
     ],
 )
-def test_a_verdict_needs_seeds_that_agree(effects: list[float], expected: str) -> None:
-    assert verdict(effects) == expected
+def test_a_verdict_needs_an_effect_beyond_the_spread_of_seeds(
+    effects: list[float], variance: float, freedom: int, expected: str
+) -> None:
+    assert verdict(effects, Spread(variance, freedom)) == expected
+
+
+def test_spreads_of_arms_are_pooled() -> None:
+    found = pooled([[0.0, 2.0], [5.0, 5.0, 5.0], [7.0]])
+    assert (found.variance, found.freedom) == (pytest.approx(2 / 3), 3)
+    assert pooled([[1.0], []]) == Spread(0, 0) and Spread(1.0, 3) * 2 == Spread(2.0, 3)
 
 
 @pytest.mark.parametrize("seeds", [2, 3, 5])
 def test_chance_decides_one_claim_in_ten(seeds: int) -> None:
+    """Four arms that are alike, the first two of which are compared."""
     rng = np.random.default_rng(0)
-    found = [verdict(effects) for effects in rng.normal(0, 1, (2000, seeds)).tolist()]
+    arms = rng.normal(0, 1, (2000, 4, seeds)).tolist()
+    found = [verdict([b - a for a, b in zip(*levels[:2], strict=True)], pooled(levels) * 2) for levels in arms]
     for way in ("holds", "does not hold"):
         assert 0.035 < found.count(way) / len(found) < 0.065
 

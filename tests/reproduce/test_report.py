@@ -13,6 +13,7 @@ from PIL import Image
 
 from unproject._types import UserError
 from unproject.reproduce import Arm, Claim, Figure, Report, write, write_summary
+from unproject.reproduce.figure import Spread
 from unproject.reproduce.kept import Kept
 from unproject.reproduce.report import Judged
 
@@ -107,7 +108,7 @@ def test_what_is_beyond_the_paper_does_not_decide_its_figure(report: Report) -> 
 @pytest.mark.parametrize(
     ("effects", "said"),
     [
-        ((0.5, 0.51), "holds"),
+        ((0.9, 0.8), "holds"),
         ((0.5, 0.1), "undecided (every seed as claimed)"),
         ((-0.5, -0.1), "undecided (no seed as claimed)"),
         ((0.5, -0.1), "undecided (seeds disagree)"),
@@ -116,7 +117,15 @@ def test_what_is_beyond_the_paper_does_not_decide_its_figure(report: Report) -> 
     ],
 )
 def test_what_is_undecided_may_lean(effects: tuple[float, ...], said: str) -> None:
-    assert Judged(FIGURE.claims[0], effects).said == said
+    assert Judged(FIGURE.claims[0], effects, Spread(0.25, 4)).said == said
+
+
+def test_the_spread_is_that_of_all_arms_and_twice_that_between_two(report: Report) -> None:
+    ours, theirs = math.log(1.1 / 1.0) ** 2 / 2, math.log(2.1 / 2.0) ** 2 / 2
+    spread = report.judged[0].spread
+    assert (spread.variance, spread.freedom) == (pytest.approx(ours + theirs), 2)
+    number = Report(replace(FIGURE, claims=(Claim("small", "ours", "", ("far",)),)), report.kept).judged[0].spread
+    assert number.variance == pytest.approx((ours + theirs) / 2)
 
 
 def test_claims_against_true_things(report: Report, tmp_path: Path) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from statistics import mean, stdev
+from statistics import mean, variance
 from typing import Any, Literal
 
 from scipy.stats import t as student
@@ -60,12 +60,15 @@ class Claim:
     ours: bool = False
 
     def effect(self, better: Mapping[str, float], than: Mapping[str, float] | None = None) -> float:
-        level = mean(math.log(max(better[s], LEAST)) for s in self.scores)
-        other = mean(math.log(max(than[s], LEAST)) for s in self.scores) if than is not None else 0.0
-        wanted = math.log(self.factor)
+        level, wanted = self.level(better), math.log(self.factor)
+        other = self.level(than) if than is not None else 0.0
         if than is None:
             return level - wanted if self.higher else wanted - level
         return (level - other if self.higher else other - level) - wanted
+
+    def level(self, values: Mapping[str, float]) -> float:
+        """The mean logarithm of the scores."""
+        return mean(math.log(max(values[score], LEAST)) for score in self.scores)
 
 
 def ahead_of_paper(ours: str, paper: str, scores: tuple[str, ...]) -> Claim:
@@ -108,15 +111,33 @@ class Figure:
     shows: Literal["things", "views"] = "things"
 
 
-def verdict(effects: Sequence[float]) -> Verdict:
-    """Of the effects of a claim, one a seed: Student's t test of their mean, five per cent on either side.
+@dataclass(frozen=True)
+class Spread:
+    """How far apart seeds lie: a variance, and the degrees of freedom with which it is known."""
+
+    variance: float
+    freedom: int
+
+    def __mul__(self, factor: float) -> Spread:
+        return Spread(self.variance * factor, self.freedom)
+
+
+def pooled(levels: Iterable[Sequence[float]]) -> Spread:
+    """Of the levels of several arms, one a seed: Σ (x - its arm's mean)² / Σ (seeds - 1)."""
+    known = [arm for arm in levels if len(arm) > 1]
+    freedom = sum(len(arm) - 1 for arm in known)
+    return Spread(sum((len(arm) - 1) * variance(arm) for arm in known) / max(freedom, 1), freedom)
+
+
+def verdict(effects: Sequence[float], spread: Spread) -> Verdict:
+    """Of the effects of a claim, one a seed, each of this spread: Student's t test, five per cent on either side.
 
     One seed alone, and a mean effect of less than NOTHING, leave it undecided.
     """
-    if len(effects) < 2 or abs(mean(effects)) < NOTHING:
+    if len(effects) < 2 or spread.freedom < 1 or abs(mean(effects)) < NOTHING:
         return "undecided"
-    error = stdev(effects) / len(effects) ** 0.5
-    if abs(mean(effects)) <= float(student.ppf(0.95, len(effects) - 1)) * error:
+    error = math.sqrt(spread.variance / len(effects))
+    if abs(mean(effects)) <= float(student.ppf(0.95, spread.freedom)) * error:
         return "undecided"
     return "holds" if mean(effects) > 0 else "does not hold"
 

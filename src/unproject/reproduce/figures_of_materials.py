@@ -103,6 +103,12 @@ MATERIALS: tuple[Figure, ...] = (
         ),
         claims=(
             Claim(
+                "Maps go together better with renderings than without",
+                WOOD.name,
+                "wood-selections",
+                ("correlation_error",),
+            ),
+            Claim(
                 "Renderings bring the correlation error to 40 % or less",
                 WOOD.name,
                 "wood-selections",

@@ -7,6 +7,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from statistics import mean
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from .._files import atomic_path
-from .figure import Claim, Figure, Verdict, overall, verdict
+from .figure import Claim, Figure, Spread, Verdict, overall, pooled, verdict
 from .kept import Kept
 from .slips import DEVIATIONS, SLIPS
 from .sources import COLLECTIONS
@@ -24,14 +25,15 @@ LABEL, GAP, WIDEST = 22, 12, 1600
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim, its effect at each seed that both arms have, and the verdict."""
+    """A claim, its effect at each seed that both arms have, how far seeds spread such an effect, and the verdict."""
 
     claim: Claim
     effects: tuple[float, ...]
+    spread: Spread
 
     @property
     def verdict(self) -> Verdict:
-        return verdict(self.effects)
+        return verdict(self.effects, self.spread)
 
     @property
     def text(self) -> str:
@@ -55,11 +57,11 @@ class Report:
     kept: dict[tuple[str, int], Kept]
     truths: dict[str, Kept] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def judged(self) -> tuple[Judged, ...]:
         real = {arm.name for arm in self.figure.real}
-        judged = [(claim, self._effects(claim)) for claim in self.figure.claims]
-        return tuple(Judged(*one) for one in judged if one[1] or not {one[0].better, one[0].than} & real)
+        judged = [Judged(claim, self._effects(claim), self._spread(claim)) for claim in self.figure.claims]
+        return tuple(one for one in judged if one.effects or not {one.claim.better, one.claim.than} & real)
 
     @property
     def verdict(self) -> Verdict:
@@ -81,6 +83,15 @@ class Report:
             if all(name in side for name in claim.scores for side in (better, than) if side is not None):
                 found.append(claim.effect(better, than))
         return tuple(found)
+
+    def _spread(self, claim: Claim) -> Spread:
+        """Of an effect: that between the seeds of an arm, of all the figure's arms together; of two arms, twice."""
+        arms: dict[str, list[float]] = {}
+        for (arm, _), kept in self.kept.items():
+            values = kept.values()
+            if all(score in values for score in claim.scores):
+                arms.setdefault(arm, []).append(claim.level(values))
+        return pooled(arms.values()) * (2 if claim.than in arms else 1)
 
 
 def write(report: Report, folder: Path) -> tuple[Path, ...]:
@@ -136,10 +147,10 @@ HOW_TO_READ = (
     "claim asks for is this project's, and a claim that does not name the paper's recipe is about this project's. "
     "*Margin* is how many times better than what is asked for a score is: 1 just meets it, and where at most a third "
     "of a distance is asked for, 1.5 is 4.5 times nearer. Several scores count as one, their geometric mean. A claim "
-    "holds, or does not, if the logarithms of its margins pass Student's t test, five per cent on either side: of "
-    "twenty claims with nothing in them one holds and one does not by chance. It is undecided if there are fewer than "
-    "two seeds, if the mean margin is within two per cent of 1, and if seeds differ too much; two seeds decide only if "
-    "one logarithm is at most 1.37 times the other. `--seeds 3` adds a third; what is kept is not trained again. "
+    "holds, or does not, if the mean logarithm of its margins is farther from 0 than seeds spread: "
+    "Student's t test, five per cent on either side, with the variance of the score's logarithm between the seeds of "
+    "an arm, pooled over the arms of the figure. It is undecided otherwise, with fewer than two seeds, and where the "
+    "mean margin is within two per cent of 1. `--seeds 3` adds a seed; what is kept is not trained again. "
     "A figure holds if all the paper's claims do. That it does not means: not reproduced here, with this budget."
 )
 HOW_MADE = (
