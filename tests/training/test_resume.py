@@ -6,15 +6,20 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 from comparing import differences, final, stats, temporaries
+from torch import Tensor
 from toy import toy
 
 from unproject._types import UserError
+from unproject.adversarial.assignment import Predicted
 from unproject.data import Collection
 from unproject.training import Adam, Recipe, checkpoint, load, loop, resume, run_directory, train
 
@@ -169,6 +174,36 @@ def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> No
     assert load(tmp_path).step == 6 and temporaries(tmp_path) == []
     resume(RECIPE, tmp_path, quiet=True)
     assert differences(whole, tmp_path) == []
+
+
+@pytest.mark.parametrize("act", [interrupt, die], ids=["stopped", "killed"])
+@pytest.mark.parametrize("settings", [{}, {"fresh": True}], ids=["one predictor", "fresh ones"])
+def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], None], settings: dict[str, Any]) -> None:
+    """Of full size it takes minutes: its checkpoints have the predictor, its moments and the steps done."""
+    assignment = RECIPE.assignment
+    assert isinstance(assignment, Predicted)
+    recipe = RECIPE.replace(assignment=replace(assignment, steps=7, **settings))
+    whole = train(recipe, tmp_path / "whole", quiet=True).path
+    run, calls, fit = tmp_path / "run", 0, loop.fit
+
+    def stopped(*arguments: Any) -> Iterator[tuple[int, Tensor]]:
+        nonlocal calls
+        calls += 1
+        for done, loss in fit(*arguments):
+            if calls == 2 and done == 5:
+                act()
+            yield done, loss
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loop, "FIT_REPORTS", 1)
+        patch.setattr(loop, "FIT_SAVES", 4)
+        patch.setattr(loop, "fit", stopped)
+        with suppress(Killed):
+            train(recipe, run, quiet=True)
+    counters = checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")
+    assert counters["counters/fitting"] == 2 and counters["counters/fitted"] == (5 if act is interrupt else 4)
+    assert resume(recipe, run, quiet=True).step == 8
+    assert differences(whole, run) == []
 
 
 HOLDER = """

@@ -6,7 +6,7 @@ generator's own labelled projections says so, and everything is trained in alter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -100,25 +100,44 @@ def train_predictor(
     seed: int,
     progress: Callable[[int, float], None] = lambda step, loss: None,
 ) -> float:
-    """Fit `predictor` to images (N, C, H, W) of known ways (N,) by cross entropy; returns the last loss.
+    """Fit `predictor` to images (N, C, H, W) of known ways (N,) as `fit` does; returns the last loss."""
+    loss = torch.tensor(float("nan"))
+    for done, loss in fit(predictor, predictor_optimiser(predictor, settings), images, ways, settings, seed):
+        if done % 20 == 1:
+            progress(done - 1, loss.item())
+    return loss.item()
 
-    Adam (0.5, 0.999), learning rate falling linearly to zero. Leaves the predictor in evaluation mode.
+
+def predictor_optimiser(predictor: nn.Module, settings: Predicted) -> torch.optim.Adam:
+    return torch.optim.Adam(predictor.parameters(), settings.learning_rate, (0.5, 0.999))
+
+
+def fit(
+    predictor: nn.Module,
+    optimiser: torch.optim.Adam,
+    images: Tensor,
+    ways: Tensor,
+    settings: Predicted,
+    seed: int,
+    done: int = 0,
+) -> Iterator[tuple[int, Tensor]]:
+    """Fit `predictor` to images (N, C, H, W) of known ways (N,) by cross entropy, a step each time it is asked.
+
+    Adam (0.5, 0.999), learning rate falling linearly to zero. Left after any step, it is gone on with by the same
+    weights, the same optimiser and the steps `done`. Yields (steps done, loss); in the end the predictor is in
+    evaluation mode.
     """
-    optimiser = torch.optim.Adam(predictor.parameters(), settings.learning_rate, (0.5, 0.999))
     predictor.train()
     images = (images > 0.5).to(images) if settings.binarise else images
-    loss = torch.tensor(float("nan"))
-    for step in range(settings.steps):
+    for step in range(done, settings.steps):
         rows = torch.randint(len(images), (settings.batch,), generator=generator_at(seed, step, "view predictor"))
         optimiser.param_groups[0]["lr"] = settings.learning_rate * (1 - step / settings.steps)
         loss = F.cross_entropy(predictor(images[rows]), ways[rows].to(images.device))
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        if step % 20 == 0:
-            progress(step, loss.item())
+        yield step + 1, loss.detach()
     predictor.eval()
-    return loss.item()
 
 
 @torch.no_grad()

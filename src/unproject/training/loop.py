@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..adversarial.assignment import FirstGuess, Predicted, choose_ways, estimated, k_means, predict, train_predictor
+from ..adversarial.assignment import FirstGuess, Predicted, choose_ways, estimated, fit, k_means, predict
 from ..adversarial.learned_prior import LearnedPrior
 from . import checkpoint, run_directory
 from .distribution import Distribution
@@ -32,6 +32,8 @@ from .run_directory import Origin, Run
 from .state import State
 
 PREDICTOR_CHUNK, LOOKS = 256, 4
+FIT_REPORTS, FIT_SAVES = 20, 5000
+"""Steps of a view predictor between two looks at whether to stop, and between two checkpoints."""
 
 
 def train(
@@ -71,11 +73,11 @@ def resume(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
     loop = Loop(recipe, out, state, distribution)
     with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
-        loop.recorder = recorder
+        loop.recorder, loop.asked_to_stop = recorder, stop
         going = True
         while going:
             try:
-                going = loop.progress() < 1 and not distribution.agree(stop())
+                going = loop.progress() < 1 and not loop.stopping()
                 if going:
                     loop.advance()
                 else:
@@ -96,7 +98,8 @@ class Loop:
         self.recipe, self.out, self.state, self.distribution = recipe, out, state, distribution
         self.forward = self._compiled()
         self.began = time.monotonic() - state.counters.seconds
-        self.saved = state.counters.step if state.counters.step else -1
+        self.asked_to_stop: Callable[[], bool] = lambda: False
+        self.saved = self._instant() if state.counters.step else None
 
     def _compiled(self) -> Callable[[Tensor], Tensor]:
         """The generator, compiled if that is asked for and can be done; torch needs a compiler on processors."""
@@ -109,17 +112,24 @@ class Loop:
         seconds = time.monotonic() - self.began
         return self.distribution.average(self.recipe.progress(self.state.counters.step, seconds))
 
+    def stopping(self) -> bool:
+        """Whether any process was asked to stop, so that all stop at the same instant."""
+        return self.distribution.agree(self.asked_to_stop())
+
+    def _instant(self) -> tuple[int, int]:
+        return self.state.counters.step, self.state.counters.fitted
+
     def advance(self) -> None:
-        """One step, with whatever is due before and after it."""
+        """One step, with whatever is due before and after it; less, if it is asked to stop amid an assignment."""
         counters = self.state.counters
         progress = self.progress()
         assignment = self.recipe.assignment
         if isinstance(assignment, Predicted):
             if assignment.first is not None and counters.step == counters.round == 0:
                 self.guess(assignment, assignment.first)
-            due = sum(start <= progress for start in assignment.starts)
-            if due > counters.round:
-                self.assign(assignment, due)
+            due = counters.fitting or sum(start <= progress for start in assignment.starts)
+            if due > counters.round and not self.assign(assignment, due):
+                return
         self._set_rates(progress)
         losses, real, fake = self._step(progress)
         counters.step += 1
@@ -258,25 +268,45 @@ class Loop:
         counts = torch.bincount(panel.ways, minlength=len(panel.observations)).tolist()
         self.recorder.write(counters.step, counters.seconds, **fields, ways=counts)
 
-    def assign(self, settings: Predicted, due: int) -> None:
-        """A round of assignment: train the view predictor on what the generator makes, assign the real images."""
+    def assign(self, settings: Predicted, due: int) -> bool:
+        """A round of assignment: train the view predictor on what the generator makes, assign the real images.
+
+        False if it was asked to stop before the end; called again, it goes on.
+        """
         state, recipe = self.state, self.recipe
-        panel = state.panels[0]
-        if settings.fresh:
-            state.renew_predictor(recipe, due)
-        assert state.predictor is not None
+        panel, counters = state.panels[0], state.counters
+        if not counters.fitting:
+            state.begin_fit(recipe, due)
+        assert state.predictor is not None and state.predictor_optimiser is not None
         self.distribution.copy_from_leader([*state.average.parameters(), *state.average.buffers()])
 
         seed = derived_seed(recipe.seed, due, "assignment")
         report = self.recorder.subtask("view predictor", settings.steps)
-        loss = train_predictor(state.predictor, *self._labelled(settings.images, seed), settings, seed, report)
-        report(settings.steps, loss)
+        fitting = fit(
+            state.predictor,
+            state.predictor_optimiser,
+            *self._labelled(settings.images, seed),
+            settings,
+            seed,
+            counters.fitted,
+        )
+        loss = torch.tensor(float("nan"))
+        for done, loss in fitting:
+            counters.fitted = done
+            if done < settings.steps and done % FIT_REPORTS == 0:
+                report(done, loss.item())
+                if done % FIT_SAVES == 0:
+                    self.save()
+                if self.stopping():
+                    return False
+        report(settings.steps, loss.item())
         probabilities = estimated(predict(state.predictor, panel.items, settings.binarise), settings)
-        self._take(settings, panel, probabilities, seed, event="assigned", round=due, loss=round(loss, 6))
-        if settings.restart and state.counters.round == 0:
+        self._take(settings, panel, probabilities, seed, event="assigned", round=due, loss=round(loss.item(), 6))
+        if settings.restart and counters.round == 0:
             state.restart(recipe)
             self.forward = self._compiled()
-        state.counters.round = due
+        state.end_fit()
+        return True
 
     @torch.no_grad()
     def _labelled(self, images: int, seed: int) -> tuple[Tensor, Tensor]:
@@ -293,7 +323,7 @@ class Loop:
     def save(self) -> None:
         """A checkpoint and a picture, unless this step has them. Raises Diverged if anything is not finite."""
         counters = self.state.counters
-        if self.saved == counters.step:
+        if self.saved == self._instant():
             return
         counters.seconds = time.monotonic() - self.began
         counters.lines = self.recorder.lines
@@ -303,7 +333,7 @@ class Loop:
             checkpoint.save(self.out / "checkpoints", counters.step, tensors)
             save_samples(self.state.average, self.out / "samples" / f"step-{counters.step:09d}.png")
         self.distribution.barrier()
-        self.saved = counters.step
+        self.saved = self._instant()
 
     def go_back(self, trouble: Diverged) -> None:
         """Return once to the last good checkpoint, with half the learning rate; the second time, give up."""

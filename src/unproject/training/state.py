@@ -12,7 +12,7 @@ from torch.optim import Adam as TorchAdam
 
 from .._random import seeded
 from .._types import UserError
-from ..adversarial.assignment import Predicted
+from ..adversarial.assignment import Predicted, predictor_optimiser
 from ..adversarial.learned_prior import LearnedPrior
 from ..networks import Generator
 from .panel import build_panels
@@ -23,11 +23,14 @@ from .recipe import Adam, Recipe
 class Counters:
     """The numbers of a state.
 
-    `round` is the rounds of assignment done, `rescues` the returns to a checkpoint, `lines` those of stats.jsonl.
+    `round` is the rounds of assignment done, `fitting` the one whose predictor is being fitted, or 0, and `fitted` the
+    steps of that; `rescues` the returns to a checkpoint, `lines` those of stats.jsonl.
     """
 
     step: int = 0
     round: int = 0
+    fitting: int = 0
+    fitted: int = 0
     rescues: int = 0
     dull: int = 0
     lines: int = 0
@@ -45,6 +48,8 @@ class State:
             self.generator = recipe.generator().to(device)
             self.panels = build_panels(recipe)
             self.predictor = self._new_predictor(recipe)
+        self.predictor_optimiser: TorchAdam | None = None  # while a predictor is being fitted
+        self.assignment = recipe.assignment
         for panel in self.panels:
             panel.discriminator.to(device)
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
@@ -63,10 +68,22 @@ class State:
         panel = self.panels[0]
         return recipe.assignment.predictor(panel.shape, len(panel.observations)).to(self.device)
 
-    def renew_predictor(self, recipe: Recipe, round_: int) -> None:
-        """A predictor with new weights, for a round that trains it from scratch."""
-        with seeded(recipe.seed, f"predictor/{round_}"):
-            self.predictor = self._new_predictor(recipe)
+    def begin_fit(self, recipe: Recipe, round_: int) -> None:
+        """Begin to fit the predictor of a round; with new weights, if each round trains it from scratch."""
+        if isinstance(recipe.assignment, Predicted) and recipe.assignment.fresh:
+            with seeded(recipe.seed, f"predictor/{round_}"):
+                self.predictor = self._new_predictor(recipe)
+        self.counters.fitting, self.counters.fitted = round_, 0
+        self._renew_predictor_optimiser()
+
+    def end_fit(self) -> None:
+        self.counters.round, self.counters.fitting, self.counters.fitted = self.counters.fitting, 0, 0
+        self.predictor_optimiser = None
+
+    def _renew_predictor_optimiser(self) -> None:
+        self.predictor_optimiser = None
+        if isinstance(self.assignment, Predicted) and self.predictor is not None and self.counters.fitting:
+            self.predictor_optimiser = predictor_optimiser(self.predictor, self.assignment)
 
     def restart(self, recipe: Recipe) -> None:
         """Fresh generator and discriminators, as the released code does for round 1; assignments are kept."""
@@ -115,6 +132,9 @@ class State:
             raise UserError(f"the checkpoint has no {error}; resume with the version that wrote it") from error
 
     def _load(self, tensors: dict[str, Tensor]) -> None:
+        for name, value in vars(self.counters).items():
+            setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
+        self._renew_predictor_optimiser()
         for prefix, module in self.modules():
             own = _strip(tensors, prefix)
             wanted = {k: v.shape for k, v in module.state_dict().items()}
@@ -128,14 +148,14 @@ class State:
                 raise UserError("the checkpoint was made with another number of images; it belongs to another run")
             panel.ways, panel.heads = tensors[f"panels/{i}/ways"], tensors[f"panels/{i}/heads"]
             panel.pull = tensors[f"panels/{i}/pull"].item()
-        for name, value in vars(self.counters).items():
-            setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
 
     def _optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
         yield "generator_optimiser", self.generator_optimiser
         yield "discriminator_optimiser", self.discriminator_optimiser
         if self.way_optimiser is not None:
             yield "way_optimiser", self.way_optimiser
+        if self.predictor_optimiser is not None:
+            yield "predictor_optimiser", self.predictor_optimiser
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
