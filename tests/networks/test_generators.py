@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
-from unproject.networks import Generator, ImageGenerator, LowRankGenerator, VoxelGenerator
+from unproject.networks import Generator, ImageGenerator, LowRankGenerator, SmoothImageGenerator, VoxelGenerator
 from unproject.testing import check_generator, run_laws
 
 SMALL: dict[str, Callable[[], Generator]] = {
@@ -21,6 +21,7 @@ SMALL: dict[str, Callable[[], Generator]] = {
     "truncated": lambda: VoxelGenerator(16, 6, 16, truncation=0.75),
     "image": lambda: ImageGenerator(16, 6, 16),
     "colour": lambda: ImageGenerator(8, 6, 16, outputs=3),
+    "smooth image": lambda: SmoothImageGenerator(16, 6, 16),
     "low-rank": lambda: LowRankGenerator(16, 6, 16, rank=3),
     "low-rank-mirror": lambda: LowRankGenerator(16, 6, 16, rank=3, mirror=True),
 }
@@ -239,14 +240,29 @@ def test_the_factors_grow_with_the_square_and_the_volume_with_the_cube() -> None
 # Images
 
 
+@pytest.mark.parametrize("kind", [ImageGenerator, SmoothImageGenerator])
 @pytest.mark.parametrize("size, outputs", [(8, 1), (16, 3), (32, 1)])
-def test_images_of_any_size(size: int, outputs: int) -> None:
-    x = build(lambda: ImageGenerator(size, 6, 16, outputs)).sample(2)
+def test_images_of_any_size(kind: type[ImageGenerator | SmoothImageGenerator], size: int, outputs: int) -> None:
+    x = build(lambda: kind(size, 6, 16, outputs)).sample(2)
     assert x.shape == (2, outputs, size, size) and x.min() >= 0 and x.max() <= 1
 
 
-def test_images_start_dark() -> None:
-    assert build(lambda: ImageGenerator(16, 6, 16)).sample(8).mean() < 0.2
+@pytest.mark.parametrize("kind", [ImageGenerator, SmoothImageGenerator])
+def test_images_start_dark(kind: type[ImageGenerator | SmoothImageGenerator]) -> None:
+    assert build(lambda: kind(16, 6, 16)).sample(8).mean() < 0.2
+
+
+def test_smooth_images_start_without_a_checkerboard() -> None:
+    """Its frequency, the highest of both axes, has no more power than the others; of transposed convolutions it has."""
+
+    def share(kind: type[ImageGenerator | SmoothImageGenerator], seed: int) -> float:
+        with seeded(seed, "weights"):
+            generator = kind(32, 16, 64)
+        power = torch.fft.fft2(generator.sample(64)).abs().square().mean((0, 1))
+        return (power[16, 16] / power[1:, 1:].mean()).item()
+
+    assert max(share(SmoothImageGenerator, seed) for seed in range(5)) < 1.5
+    assert max(share(ImageGenerator, seed) for seed in range(5)) > 50
 
 
 def test_the_seeds_channels_halve_with_every_doubling() -> None:

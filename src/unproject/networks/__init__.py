@@ -2,7 +2,7 @@
 
 from .dcgan import DCGANDiscriminator
 from .discriminators import Discriminator, LineDiscriminator
-from .generators import Generator, ImageGenerator, LowRankGenerator, VoxelGenerator
+from .generators import Generator, ImageGenerator, LowRankGenerator, SmoothImageGenerator, VoxelGenerator
 from .materials import DCGANMaterials, StationaryMaterials
 from .textures import TextureDiscriminator
 from .view_predictor import ViewPredictor
@@ -15,6 +15,7 @@ __all__ = [
     "ImageGenerator",
     "LineDiscriminator",
     "LowRankGenerator",
+    "SmoothImageGenerator",
     "StationaryMaterials",
     "TextureDiscriminator",
     "ViewPredictor",

@@ -20,7 +20,7 @@ from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..data import Collection, observe, read_images
 from ..data import digits as embedded_digits
-from ..networks import Discriminator, ImageGenerator, LineDiscriminator
+from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
 from ..projections.line_integral import LineIntegral, directions
 from ..training.recipe import Adam, Looks, Recipe
 from .pairing import Views, little_and_often, modern_assignment, pair, paper_assignment
@@ -76,7 +76,7 @@ def digits(
     mean, deviation = readings(looks)
     gamma = (0.1 if direct else 0.02) if gamma is None else gamma
     return Recipe(
-        generator=partial(ImageGenerator, size=size, channels=channels),
+        generator=partial(SmoothImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=32, bottleneck=256)
         if direct
         else partial(LineDiscriminator, mean=mean, deviation=deviation),
