@@ -6,6 +6,7 @@ generator's own labelled projections says so, and everything is trained in alter
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -92,19 +93,10 @@ def uniform_ways(images: int, ways: int, seed: int) -> Tensor:
     return torch.randint(ways, (images,), generator=generator_at(seed, 0, "uniform ways"))
 
 
-def train_predictor(
-    predictor: nn.Module,
-    images: Tensor,
-    ways: Tensor,
-    settings: Predicted,
-    seed: int,
-    progress: Callable[[int, float], None] = lambda step, loss: None,
-) -> float:
+def train_predictor(predictor: nn.Module, images: Tensor, ways: Tensor, settings: Predicted, seed: int) -> float:
     """Fit `predictor` to images (N, C, H, W) of known ways (N,) as `fit` does; returns the last loss."""
-    loss = torch.tensor(float("nan"))
-    for done, loss in fit(predictor, predictor_optimiser(predictor, settings), images, ways, settings, seed):
-        if done % 20 == 1:
-            progress(done - 1, loss.item())
+    steps = fit(predictor, predictor_optimiser(predictor, settings), images, ways, settings, seed)
+    _, loss = deque(steps, maxlen=1)[0]
     return loss.item()
 
 

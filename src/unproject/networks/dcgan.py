@@ -1,4 +1,4 @@
-"""The discriminator of the seed's materials: DCGAN with batch norm and minibatch discrimination."""
+"""The discriminator of the paper's materials: DCGAN with batch norm and minibatch discrimination."""
 
 from __future__ import annotations
 

@@ -75,10 +75,10 @@ def reflect(left: Tensor) -> Tensor:
 
 
 class VoxelGenerator(Generator):
-    """The seed's generator: 3-D convolutions from 4³ to size³, batch norm and ReLU after each.
+    """The paper's generator: 3-D convolutions from 4³ to size³, batch norm and ReLU after each.
 
     A linear layer gives `channels`×4³; every level doubles the side and halves the channels. `upsampling`
-    "transposed" is the released 4³ stride-2 transposed convolution, "nearest" the seed's upsample + convolution.
+    "transposed" is the released 4³ stride-2 transposed convolution, "nearest" the paper's upsample + convolution.
     A last 3³ convolution and (tanh + 1)/2 give occupancy.
 
     Args:

@@ -63,7 +63,7 @@ def _normals(drawn: Tensor) -> Tensor:
 
 
 class DCGANMaterials(MaterialGenerator):
-    """The seed's: DCGAN levels, batch norm and LeakyReLU, a sigmoid at the end, codes z ~ U(-1, 1)⁵¹².
+    """The paper's: DCGAN levels, batch norm and LeakyReLU, a sigmoid at the end, codes z ~ U(-1, 1)⁵¹².
 
     Args:
         size: side of the maps, 4·2^k.

@@ -74,7 +74,7 @@ def solid_angles(height: int, width: int) -> Tensor:
 def exposure(radiance: Tensor) -> Tensor:
     """(K,): the factor that brings the light from the upper hemisphere to that of an ambient radiance of 1.
 
-    2π / ∫_{upper} L dω, L the mean over colours: what the seed calls auto-exposure. Ambient and directional lights
+    2π / ∫_{upper} L dω, L the mean over colours: what the paper calls auto-exposure. Ambient and directional lights
     are at that exposure by definition. A map without light from above gets 1.
     """
     height, width = radiance.shape[2:]

@@ -1,4 +1,4 @@
-"""The reflection of a rough surface: Cook and Torrance's microfacets under a diffuse base (the seed's eq. 2).
+"""The reflection of a rough surface: Cook and Torrance's microfacets under a diffuse base (the paper's eq. 2).
 
     f(ωi, ωo) = k_d/π + k_s/4 D(h, m) G(ωi) G(ωo) F(h, η) / (cosθi cosθo),      h = (ωi + ωo) / |ωi + ωo|
 
@@ -65,7 +65,7 @@ class Reflection:
     """How the maps are meant.
 
     Attributes:
-        fresnel: "eta": F0 comes from η and k_s scales the lobe, the seed's letter; k_d + k_s ≤ 1 conserves energy.
+        fresnel: "eta": F0 comes from η and k_s scales the lobe, the paper's letter; k_d + k_s ≤ 1 conserves energy.
             "albedo": F0 = k_s, as artists mean it; the base gets what is not reflected, k_d (1 - F(cosθo)), and
             reflects no more than it gets. A k_s under 0.04 fades at grazing angles too, so that 0 is no lobe.
         eta: the index of refraction of "eta".

@@ -1,4 +1,4 @@
-"""What a camera sees of a flat material under distant light: the seed's eq. 3, by Monte Carlo, and its slopes.
+"""What a camera sees of a flat material under distant light: the paper's eq. 3, by Monte Carlo, and its slopes.
 
     I(x, ωo) = ∫ f(x, ωi, ωo) max(cosθi, 0) L(ωi) dωi  ≈  Σ_j f(ωj) cosθj L(ωj) / Σ_k n_k p_k(ωj)
 
@@ -33,7 +33,7 @@ CHUNK = 2**18  # samples worked on at a time
 MOST = 2**20
 LEAST = 1e-12
 LEAST_ROUGHNESS = 1e-3
-DELTA = 1e-3  # the seed's steps, of roughness and of the normal's angles
+DELTA = 1e-3  # the paper's steps, of roughness and of the normal's angles
 
 
 class Ambient(NamedTuple):
@@ -63,11 +63,11 @@ class Sampling:
 
     Attributes:
         samples: a pixel; directional light needs none.
-        light: the share of them drawn from an environment's light; 0 is the seed's scheme.
+        light: the share of them drawn from an environment's light; 0 is the paper's scheme.
         points: "low-discrepancy", or "independent".
         gradient: "exact": the slope of the estimate, whose samples move with the maps; less noise below a roughness of
             about 0.1. "fixed": with the samples held where they are; as unbiased, less noise on rough materials.
-            "differences", the seed's: analytic for the albedos, central differences of 0.001 for the roughness and for
+            "differences", the paper's: analytic for the albedos, central differences of 0.001 for the roughness and for
             the normal's spherical angles, the same samples on both sides. Where a normal is exactly z the azimuth has
             no slope and that part is 0.
     """
@@ -266,7 +266,7 @@ def _weight(pixels: Pixels, i: Tensor, light_density: Tensor, diffuse: Tensor, p
 
 
 class _Differences(torch.autograd.Function):
-    """An estimate with its samples held fixed, differentiated as the seed's section 2.4 does."""
+    """An estimate with its samples held fixed, differentiated as the paper's section 2.4 does."""
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor, estimate: Callable[[Tensor], Tensor]) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]

@@ -59,7 +59,7 @@ class LineIntegral(Projection):
 def directions(
     count: int = 10, spread: float = math.radians(2.5), line_integral: LineIntegral | None = None, whole: bool = False
 ) -> tuple[Observation, ...]:
-    """`count` directions evenly over half a turn, each uniform within ±`spread` radians: the seed's are 10 and 2.5°.
+    """`count` directions evenly over half a turn, each uniform within ±`spread` radians: the paper's are 10 and 2.5°.
 
     With `whole` they are followed by the opposite ones, which read the same backwards: 2 `count` over a whole turn.
     """

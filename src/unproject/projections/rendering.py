@@ -177,7 +177,7 @@ def rendering_prior(
 def photographs(
     lighting: str | Tensor, reflection: Reflection | None = None, sampling: Sampling | None = None
 ) -> tuple[Observation, Observation]:
-    """The seed's two: `top`, from 0 ± 5° of the normal, and `grazing`, from 80 ± 5°."""
+    """The paper's two: `top`, from 0 ± 5° of the normal, and `grazing`, from 80 ± 5°."""
     look = Rendering(lighting, reflection or Reflection(), sampling or Sampling())
     return (
         Observation("top", look, rendering_prior(look, 0)),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "shapes": ("unproject.recipes.shapes:shapes", "shapes from silhouettes, made for a laptop"),
-    "shapes-paper": ("unproject.recipes.shapes:shapes_paper", "shapes from silhouettes, the seed's choices"),
+    "shapes-paper": ("unproject.recipes.shapes:shapes_paper", "shapes from silhouettes, the paper's choices"),
     "digits": ("unproject.recipes.digits:digits", "images from line integrals, made for a laptop"),
     "wood": ("unproject.recipes.materials:wood_materials", "wood from maps and photographs, made for a laptop"),
     "metal": ("unproject.recipes.materials:metal_materials", "metal from maps and photographs, made for a laptop"),
@@ -26,10 +26,10 @@ _HOME = {
         "unproject.recipes.materials:correlated_materials",
         "materials whose maps are correlated by design, or not: a test of what is learned",
     ),
-    "wood-paper": ("unproject.recipes.materials:wood_paper", "wood from maps and photographs, the seed's choices"),
-    "metal-paper": ("unproject.recipes.materials:metal_paper", "metal from maps and photographs, the seed's choices"),
-    "plastic-paper": ("unproject.recipes.materials:plastic_paper", "plastic, likewise, the seed's choices"),
-    "digits-paper": ("unproject.recipes.digits:digits_paper", "images from line integrals, the seed's choices"),
+    "wood-paper": ("unproject.recipes.materials:wood_paper", "wood from maps and photographs, the paper's choices"),
+    "metal-paper": ("unproject.recipes.materials:metal_paper", "metal from maps and photographs, the paper's choices"),
+    "plastic-paper": ("unproject.recipes.materials:plastic_paper", "plastic, likewise, the paper's choices"),
+    "digits-paper": ("unproject.recipes.digits:digits_paper", "images from line integrals, the paper's choices"),
 }
 
 

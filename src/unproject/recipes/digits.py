@@ -1,4 +1,4 @@
-"""Images from line integrals: the recipe of the seed's Part III, and a modern one.
+"""Images from line integrals: the recipe of the paper's Part III, and a modern one.
 
 The four arms of every comparison differ by `views` alone; `pairing` has the table.
 """
@@ -111,9 +111,9 @@ def digits_paper(
     clusters: int | None = None,
     checkpoint_every: int = 500,
 ) -> Recipe:
-    """Images from line integrals with the choices of the seed's Part I: spectral norm, WGAN-GP, five rounds.
+    """Images from line integrals with the choices of the paper's Part I: spectral norm, WGAN-GP, five rounds.
 
-    The seed names no networks for Part III; these are those of its shapes, one dimension lower.
+    The paper names no networks for Part III; these are those of its shapes, one dimension lower.
 
     Args:
         data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given.

@@ -1,4 +1,4 @@
-"""Surface materials from maps and photographs of them: the recipes of the seed's Part II, and modern ones.
+"""Surface materials from maps and photographs of them: the recipes of the paper's Part II, and modern ones.
 
 Each observation has a collection of its own, drawn independently from a world of materials: no two need show the same
 one; and a discriminator of its own. Which are used, and how many of each, is the experiment:
@@ -174,9 +174,9 @@ def materials_paper(
     judge: int = 64,
     checkpoint_every: int = 500,
 ) -> Recipe:
-    """Materials with the networks, the loss and the rates of the seed's section 2: DCGAN, minibatch discrimination.
+    """Materials with the networks, the loss and the rates of the paper's section 2: DCGAN, minibatch discrimination.
 
-    The seed names neither its loss nor its batch; these are DCGAN's. As in `materials`, what is seen is brought to one
+    The paper names neither its loss nor its batch; these are DCGAN's. As in `materials`, what is seen is brought to one
     mean and deviation, and k_s is the reflectance itself.
 
     Args:

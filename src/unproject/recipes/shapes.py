@@ -1,4 +1,4 @@
-"""Shapes from silhouettes: the recipes of the seed's Part I, and modern ones.
+"""Shapes from silhouettes: the recipes of the paper's Part I, and modern ones.
 
 The four arms of every comparison differ by `views` alone; `pairing` has the table.
 """
@@ -138,7 +138,7 @@ def shapes_paper(
     mirror: bool = False,
     checkpoint_every: int = 500,
 ) -> Recipe:
-    """Shapes from silhouettes with the seed's choices: a full 3-D generator, spectral norm, WGAN-GP, five rounds.
+    """Shapes from silhouettes with the paper's choices: a full 3-D generator, spectral norm, WGAN-GP, five rounds.
 
     Args:
         data: a folder of pictures, an .npz, or a 3-D collection; a family of chairs unless given.

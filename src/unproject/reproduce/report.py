@@ -71,15 +71,17 @@ class Report:
     def seeds(self, arm: str) -> list[int]:
         return sorted(seed for name, seed in self.kept if name == arm)
 
+    @cached_property
+    def values(self) -> dict[tuple[str, int], dict[str, float]]:
+        return {key: kept.values() for key, kept in self.kept.items()}
+
     def _effects(self, claim: Claim) -> tuple[float, ...]:
-        truth = self.truths.get(claim.than)
+        truth = self.truths[claim.than].values() if claim.than in self.truths else None
         found = []
         for seed in self.seeds(claim.better):
-            other = truth or self.kept.get((claim.than, seed))
-            if claim.than and other is None:
+            better, than = self.values[claim.better, seed], truth or self.values.get((claim.than, seed))
+            if claim.than and than is None:
                 continue
-            better = self.kept[claim.better, seed].values()
-            than = other.values() if other else None
             if all(name in side for name in claim.scores for side in (better, than) if side is not None):
                 found.append(claim.effect(better, than))
         return tuple(found)
@@ -87,8 +89,7 @@ class Report:
     def _spread(self, claim: Claim) -> Spread:
         """Of an effect: that between the seeds of an arm, of all the figure's arms together; of two arms, twice."""
         arms: dict[str, list[float]] = {}
-        for (arm, _), kept in self.kept.items():
-            values = kept.values()
+        for (arm, _), values in self.values.items():
             if all(score in values for score in claim.scores):
                 arms.setdefault(arm, []).append(claim.level(values))
         return pooled(arms.values()) * (2 if claim.than in arms else 1)
