@@ -29,7 +29,7 @@ from torch import Tensor
 
 from .._openimage import Picture, read_picture
 from .._types import UserError
-from ..ops.maps import MAPS, check_maps, luminance, pack_maps
+from ..ops.maps import MAPS, check_maps, luminance, normals_of, pack_maps, slopes_of
 from .arrays import load_arrays
 from .collection import check_size
 from .framing import centred_square
@@ -310,17 +310,15 @@ def _decoded(file: Path, picture: Picture, down: bool) -> Tensor:
 
 
 def normals_from_height(h: Tensor) -> Tensor:
-    """(3, H, W) normals (-s h_x, -s h_y, 1), normalised, of a height map (H, W) that repeats itself.
+    """(3, H, W) `normals_of` s h, of a height map h (H, W) that repeats itself.
 
-    h_x and h_y are central differences, a pixel the unit; s makes the RMS of the slope s |∇h| over the map as it is
-    stored 0.25. A constant map is flat.
+    s makes the RMS of the slope s |∇h| over the map as it is stored 0.25. A constant map is flat.
     """
     h = h.double()
-    h_x = (h.roll(-1, 1) - h.roll(1, 1)) / 2
-    h_y = (h.roll(1, 0) - h.roll(-1, 0)) / 2
+    h_x, h_y = slopes_of(h)
     slope = (h_x**2 + h_y**2).mean().sqrt()
     gain = SLOPE / slope if slope > 0 else 0.0
-    return F.normalize(torch.stack([-gain * h_x, -gain * h_y, torch.ones_like(h)]), dim=0).float()
+    return normals_of(gain * h[None])[0].float()
 
 
 def _resized(maps: Tensor, size: int | None) -> Tensor:

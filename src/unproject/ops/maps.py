@@ -36,13 +36,14 @@ def luminance(colour: Tensor) -> Tensor:
     return (colour * colour.new_tensor(LUMINANCE)[:, None, None]).sum(-3, keepdim=True)
 
 
-def normals_of(height: Tensor) -> Tensor:
-    """(B, 3, H, W) unit normals (-h_x, -h_y, 1) of a height (B, H, W) in texels that repeats itself.
+def slopes_of(height: Tensor) -> tuple[Tensor, Tensor]:
+    """h_x and h_y of a height (..., H, W) in texels that repeats itself, to the right and up: central differences."""
+    return (height.roll(-1, -1) - height.roll(1, -1)) / 2, (height.roll(1, -2) - height.roll(-1, -2)) / 2
 
-    h_x and h_y are central differences, y up.
-    """
-    h_x = (height.roll(-1, 2) - height.roll(1, 2)) / 2
-    h_y = (height.roll(1, 1) - height.roll(-1, 1)) / 2
+
+def normals_of(height: Tensor) -> Tensor:
+    """(B, 3, H, W) unit normals (-h_x, -h_y, 1) of a height (B, H, W) in texels that repeats itself."""
+    h_x, h_y = slopes_of(height)
     return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
 
 

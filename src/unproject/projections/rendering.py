@@ -157,12 +157,19 @@ def rendering_prior(
     Natural light is any of the environments turned at random; directional light comes from within `light` radians of
     the normal, evenly over the sphere: 0 is normal incidence, None the hemisphere down to 80°. With `light_azimuth` it
     stands there, within `spread` of `light` from the normal and of that azimuth; with three lamps, the red one.
+
+    Raises:
+        UserError: for `light` where no lamp is, or `light_azimuth` without `light`.
     """
+    if light is not None and rendering.lighting not in DIRECTED:
+        raise UserError("rendering_prior(light=...): is for directional and coloured light; leave it out")
+    if light_azimuth is not None and light is None:
+        raise UserError("rendering_prior(light_azimuth=...): give light, the angle from the normal, too")
     factors: list[Prior] = [Uniform("view", view - spread, view + spread), Uniform("view_azimuth", FRONT, FRONT)]
     if rendering.environments is not None:
         count = len(rendering.environments.table)
         factors += [Uniform("light", 0, 2 * math.pi), Uniform("probe", 0, count), Uniform("jitter", 0, 1)]
-    elif rendering.lighting in DIRECTED and light is not None and light_azimuth is not None:
+    elif light is not None and light_azimuth is not None:
         factors += [
             Uniform(name, angle - spread, angle + spread)
             for name, angle in (("light", light), ("light_azimuth", light_azimuth))
