@@ -84,11 +84,26 @@ def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
 
 
 def test_the_summary_has_every_claim(report: Report, tmp_path: Path) -> None:
-    write_summary([report, Report(FIGURE, {})], tmp_path / "all.md", "pages/")
+    other = replace(FIGURE, name="fig9", deviations=("It is small.", "It is square."))
+    write_summary([report, Report(other, {})], tmp_path / "all.md", "pages/")
     text = (tmp_path / "all.md").read_text()
     assert text.count("| nearer |") == 2 and text.count("2.00, 1.91") == 1 and text.count("not measured") == 3
     assert "[Fig. 7](pages/fig7.md)" in text and text.count("| ours | ") == 2
-    assert "Fig. 7: It is small." in text and "Eq. 5" in text and "650" in text and "η" in text
+    assert (
+        "- Figs. 7, 9: It is small.\n- Fig. 9: It is square.\n" in text
+        and "Eq. 5" in text
+        and "650" in text
+        and "η" in text
+    )
+
+
+def test_arms_that_are_measured_in_another_way_are_named(report: Report, tmp_path: Path) -> None:
+    other = report.kept["theirs", 1]
+    content = other.read()
+    content["scores"]["far"]["protocol"] = "q"
+    other.file.write_text(json.dumps(content))
+    write(report, tmp_path)
+    assert "- far, less is better: p (ours, theirs); q (theirs)\n" in (tmp_path / "fig7.md").read_text()
 
 
 def test_a_report_of_nothing_is_undecided(tmp_path: Path) -> None:

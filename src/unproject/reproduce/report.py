@@ -120,7 +120,6 @@ def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> Non
         rows.append([name, report.figure.claim, "", "", report.verdict])
         for judged in report.judged:
             rows.append(["", judged.text, ", ".join(judged.claim.scores), margins(judged), judged.said])
-    own = [f"{r.figure.name.replace('fig', 'Fig. ')}: {line}" for r in reports for line in r.figure.deviations]
     arms = {key: kept for report in reports for key, kept in report.kept.items()}
     blocks: list[Block] = [
         ("heading", "The figures of the paper's supplemental material, reproduced"),
@@ -129,7 +128,7 @@ def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> Non
         ("section", "Scores"),
         ("list", protocols(arms.values(), [claim for report in reports for claim in report.figure.claims])),
         ("section", "Deviations from the paper"),
-        ("list", [*DEVIATIONS, *own]),
+        ("list", [*DEVIATIONS, *own_deviations([report.figure for report in reports])]),
         ("section", "Slips of the paper, and what is left open"),
         ("list", list(SLIPS)),
         ("section", "Real collections"),
@@ -174,12 +173,31 @@ def margins(judged: Judged) -> str:
     return ", ".join(f"{math.exp(effect):.2f}" for effect in judged.effects) or "not measured"
 
 
+def own_deviations(figures: Iterable[Figure]) -> list[str]:
+    """Each deviation once, after the figures that it is of."""
+    of: dict[str, list[str]] = {}
+    for figure in figures:
+        for line in figure.deviations:
+            of.setdefault(line, []).append(figure.name.removeprefix("fig"))
+    return [f"{'Fig.' if len(names) == 1 else 'Figs.'} {', '.join(names)}: {line}" for line, names in of.items()]
+
+
 def protocols(results: Iterable[Kept], claims: Sequence[Claim]) -> list[str]:
-    """What each score that claims are about measures, as it was measured, and whether more or less of it is better."""
-    contents = [kept.read()["scores"] for kept in results]
+    """What each score that claims are about measures, as it was measured, and whether more or less of it is better.
+
+    Where it was not measured alike for all arms, each way is followed by the arms that it is of.
+    """
     better = {score: "more" if claim.higher else "less" for claim in claims for score in claim.scores}
-    found = {name: next((c[name]["protocol"] for c in contents if name in c), "") for name in better}
-    return [f"{name}, {better[name]} is better: {protocol}" for name, protocol in found.items() if protocol]
+    found: dict[str, dict[str, list[str]]] = {name: {} for name in better}
+    for kept in results:
+        scores = kept.read()["scores"]
+        for name in found.keys() & scores.keys():
+            found[name].setdefault(scores[name]["protocol"], []).append(kept.arm)
+    lines = []
+    for name, ways in found.items():
+        said = [way if len(ways) == 1 else f"{way} ({', '.join(dict.fromkeys(arms))})" for way, arms in ways.items()]
+        lines += [f"{name}, {better[name]} is better: {'; '.join(said)}"] if said else []
+    return lines
 
 
 Block = tuple[str, Any]
