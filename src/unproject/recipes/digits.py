@@ -108,6 +108,7 @@ def digits_paper(
     seed: int = 0,
     batch: int = 64,
     channels: int = 512,
+    judge: int = 64,
     clusters: int | None = None,
     checkpoint_every: int = 500,
 ) -> Recipe:
@@ -127,13 +128,14 @@ def digits_paper(
         seed: of the weights, of every draw, and of the line integrals taken.
         batch: line integrals an update.
         channels: of the generator's 4² level.
+        judge: channels of the discriminator's first level.
         clusters: discriminator heads by k-means of the predicted directions.
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
-        discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1),
+        discriminator=partial(Discriminator, channels=judge, spectral=True, slope=0.1),
         looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
         assignment=paper_assignment(views, 20_000, clusters),
         loss=Wasserstein(),

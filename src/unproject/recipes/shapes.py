@@ -130,6 +130,7 @@ def shapes_paper(
     seed: int = 0,
     batch: int = 32,
     channels: int = 512,
+    judge: int = 64,
     loss: Literal["wasserstein", "hinge"] = "wasserstein",
     clusters: int | None = None,
     predictor_steps: int = 100_000,
@@ -153,6 +154,7 @@ def shapes_paper(
         seed: of the weights, of every draw, and of the rendered silhouettes.
         batch: images an update.
         channels: of the generator's 4³ level.
+        judge: channels of the discriminator's first level.
         loss: wasserstein (with gradient penalty) or hinge.
         clusters: discriminator heads by k-means of the predicted views; the released code uses 8.
         predictor_steps: of the view predictor, in each of four rounds.
@@ -174,7 +176,7 @@ def shapes_paper(
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
     return Recipe(
         generator=generator,
-        discriminator=partial(Discriminator, channels=64, spectral=True, slope=0.1, volumetric=views == "direct"),
+        discriminator=partial(Discriminator, channels=judge, spectral=True, slope=0.1, volumetric=views == "direct"),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed),
         assignment=paper_assignment(views, predictor_steps, clusters, binarise=True, images=predictor_images),
         loss=Wasserstein() if loss == "wasserstein" else Hinge(),

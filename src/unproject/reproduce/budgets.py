@@ -17,14 +17,15 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         "shapes": {"size": 32, "minutes": MINUTES},
         "shapes-paper": {
             "size": 32,
-            "channels": 128,
+            "channels": 64,
+            "judge": 16,
             "batch": 16,
-            "predictor_steps": 500,
-            "predictor_images": 4096,
+            "predictor_steps": 200,
+            "predictor_images": 2048,
             "minutes": MINUTES,
         },
         "digits": {"size": 32, "minutes": MINUTES},
-        "digits-paper": {"size": 32, "channels": 128, "minutes": MINUTES},
+        "digits-paper": {"size": 32, "channels": 128, "judge": 16, "minutes": MINUTES},
         **dict.fromkeys(("wood", "metal", "plastic", "correlated"), {"size": 64, "steps": STEPS}),
         **dict.fromkeys(
             ("wood-paper", "metal-paper", "plastic-paper"),
@@ -41,7 +42,7 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
     },
 }
 """Flags of each recipe. Networks of the paper recipes are narrower in the cpu budget, alike in all arms of a figure,
-and their view predictors, which the released code trains for 100,000 steps a round, are trained for 500."""
+and their view predictors, which the released code trains for 100,000 steps a round, are trained for 200."""
 
 
 def flags_of(arm: Arm, budget: Budget) -> dict[str, Any]:

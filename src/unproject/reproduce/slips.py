@@ -10,7 +10,7 @@ DEVIATIONS = (
     "(the tables say how long these took), so the paper's recipes are narrower there (see each command below), far "
     "from converged, and say only what can be had in that time. The gpu budget has the paper's sizes; where this "
     "page shows none of its results, no GPU could be had.",
-    "The view predictor of the paper's recipe is trained for 500 steps a round with 4,096 silhouettes in "
+    "The view predictor of the paper's recipe is trained for 200 steps a round with 2,048 silhouettes in "
     "the cpu budget; the released code takes 100,000 and 65,536.",
     "The paper judges by eye. Here every claim is a number, and an effect that is no larger than what seeds differ by "
     "leaves it undecided.",
