@@ -17,9 +17,9 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         "shapes": {"size": 32, "minutes": MINUTES},
         "shapes-paper": {
             "size": 32,
-            "channels": 64,
+            "channels": 32,
             "judge": 16,
-            "batch": 16,
+            "batch": 8,
             "predictor_steps": 200,
             "predictor_images": 2048,
             "minutes": MINUTES,
