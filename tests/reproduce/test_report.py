@@ -14,8 +14,8 @@ from PIL import Image
 from unproject._types import UserError
 from unproject.reproduce import Arm, Claim, Figure, Report, write, write_summary
 from unproject.reproduce.figure import Spread
+from unproject.reproduce.judging import Judged
 from unproject.reproduce.kept import Kept
-from unproject.reproduce.report import Judged
 
 FIGURE = Figure(
     "fig7",
@@ -24,6 +24,7 @@ FIGURE = Figure(
     "What is said.",
     arms=(Arm("ours", "wood", "wood", "many"), Arm("theirs", "wood", "wood", "one")),
     claims=(Claim("nearer", "ours", "theirs", ("far",)), Claim("unknown", "ours", "theirs", ("absent",))),
+    also={"kinds": "more"},
     deviations=("It is small.",),
 )
 MADE = {
@@ -40,7 +41,8 @@ MADE = {
 def kept(folder: Path, arm: str, seed: int, value: float) -> Kept:
     one = Kept(folder, arm, seed)
     score = {"value": value, "protocol": "p", "n": 1, "seed": 0}
-    content = {"arm": arm, "seed": seed, "steps": 5, "seconds": 60.0, "environment": MADE, "scores": {"far": score}}
+    scores = {"far": score, "kinds": score | {"value": 3.0}}
+    content = {"arm": arm, "seed": seed, "steps": 5, "seconds": 60.0, "environment": MADE, "scores": scores}
     one.file.write_text(json.dumps(content))
     with Image.new("RGB", (30, 20), "red") as picture:
         picture.save(one.picture)
@@ -58,9 +60,10 @@ def test_a_report_says_what_is_claimed_what_was_measured_and_how(report: Report,
     paths = write(report, tmp_path / "out")
     assert {path.name for path in paths} == {"fig7.md", "fig7.html", "fig7.png"}
     text = (tmp_path / "out" / "fig7.md").read_text()
-    for part in ("What is claimed.", "What is said.", "2.00, 1.91", "holds", "not measured", "abc1234", "It is small."):
+    parts = ("What is claimed.", "What is said.", "holds", "not measured", "abc1234", "It is small.")
+    for part in (*parts, "| ours 1.05, theirs 2.05 | 2.00, 1.91 |"):
         assert part in text
-    assert "| ours | 1.0, 1.0 | 1.05 (1, 1.1) |" in text and "- far, less is better: p\n" in text
+    assert "| ours | 1.0, 1.0 | 1.05 (1, 1.1) |  | 3 (3, 3) |" in text and "- far, less is better: p\n" in text
     with Image.open(tmp_path / "out" / "fig7.png") as picture:
         assert picture.size == (72, 42)
 
@@ -78,6 +81,7 @@ def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
     write(report, tmp_path)
     page = (tmp_path / "fig7.html").read_text()
     assert "A &lt;title&gt;" in page and "<title>A &lt;" in page
+    assert "many (<code>wood</code>)" in page and "<em>Margin</em>" in page and "`" not in page
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
     assert "http" not in page
@@ -141,6 +145,14 @@ def test_the_spread_is_that_of_all_arms_and_twice_that_between_two(report: Repor
     assert (spread.variance, spread.freedom) == (pytest.approx(ours + theirs), 2)
     number = Report(replace(FIGURE, claims=(Claim("small", "ours", "", ("far",)),)), report.kept).judged[0].spread
     assert number.variance == pytest.approx((ours + theirs) / 2)
+
+
+def test_arms_of_another_collection_do_not_move_a_claim(report: Report, tmp_path: Path) -> None:
+    other = {("photographs", seed): kept(tmp_path, "photographs", seed, value) for seed, value in ((0, 0.01), (1, 9.0))}
+    figure = replace(FIGURE, real=(Arm("photographs", "wood", "wood-real", "real"),))
+    assert Report(figure, report.kept | other).judged == report.judged
+    alike = replace(FIGURE, real=(Arm("photographs", "wood", "wood", "more of it"),))
+    assert Report(alike, report.kept | other).judged[0].verdict == "undecided"
 
 
 def test_claims_against_true_things(report: Report, tmp_path: Path) -> None:

@@ -278,3 +278,24 @@ def test_real_collections_are_asked_for_by_name(tmp_path: Path) -> None:
         Place(tmp_path, None, 16).real("mnist")
     with pytest.raises(UserError, match="is missing; --data"):
         Place(tmp_path, tmp_path, 16).real("mnist")
+
+
+def test_what_is_scored_against_is_missed_before_the_training(tmp_path: Path) -> None:
+    (tmp_path / "mnist").mkdir()
+    (tmp_path / "mnist" / "train-images-idx3-ubyte.gz").touch()
+    with pytest.raises(UserError, match="t10k.* is missing"):
+        SOURCES["mnist"].flags(Place(tmp_path, tmp_path, 32))
+
+
+def test_true_things_that_are_missing_do_not_keep_reports_from_being_written(
+    toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+
+    def missing(*about: object) -> None:
+        raise UserError("probes: is missing")
+
+    monkeypatch.setattr(package, "score_truth", missing)
+    with pytest.raises(UserError, match="probes: is missing"):
+        package.reproduce("toy", where, 1, tmp_path / "out")
+    assert (tmp_path / "out" / "toy.md").exists()

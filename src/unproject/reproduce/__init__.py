@@ -8,8 +8,9 @@ from .._objects import nearest
 from .._types import UserError
 from .figure import Arm, Claim, Figure, Verdict, overall, verdict
 from .figures import FIGURES
-from .report import Report, write, write_summary
-from .running import Where, finish, is_kept, score_finished
+from .judging import Report
+from .report import write, write_summary
+from .running import Where, finish, is_kept, noting, score_finished
 from .scoring import score_truth
 from .structure import STRUCTURES, structure
 
@@ -50,29 +51,29 @@ def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True
     Without `train`, only what is there is scored and reported. Reports are of every seed that is kept.
 
     Raises:
-        UserError: if a training fails, after the reports are written; if there is nothing to report.
+        UserError: if a training or a score fails, after the reports are written; if there is nothing to report.
     """
     chosen = figures_of(name)
     arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, where)}
     jobs = [(arm, seed) for seed in range(seeds) for arm in arms.values()]
-    trouble: UserError | None = None
-    try:
+    trouble: list[str] = []
+    with noting(trouble):
         (finish if train else score_finished)(jobs, where)
-    except UserError as error:
-        trouble = error
     for arm in arms.values():
         if where.results(arm):
             place = where.place(arm)
-            score_truth(arm.source, place, where.truths(arm.source), {"budget": where.budget, "size": place.size})
+            with noting(trouble):
+                score_truth(arm.source, place, where.truths(arm.source), {"budget": where.budget, "size": place.size})
     reports = tuple(report_of(figure, where) for figure in chosen)
     if not any(report.kept for report in reports):
-        raise trouble or UserError(f"{where.kept}: nothing is kept there; run without --report to train it")
+        nothing = f"{where.kept}: nothing is kept there; run without --report to train it"
+        raise UserError("; ".join(trouble) or nothing)
     for report in reports:
         write(report, out)
     if name == "all":
         write_summary(reports, out / "all.md")
-    if trouble is not None:
-        raise trouble
+    if trouble:
+        raise UserError("; ".join(trouble))
     return reports
 
 

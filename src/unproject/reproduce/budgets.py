@@ -10,7 +10,7 @@ from .figure import Arm, Budget
 MINUTES = 9.0
 """Of training, in the cpu budget: with its start and its scores an arm takes about ten."""
 STEPS = 1400
-"""Of modern materials there, in all arms alike: three to nine minutes of one core, by how many ways of looking."""
+"""Of modern materials there, in all arms alike: three to nine minutes of one core that has nothing else to do."""
 
 SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
     "cpu": {
@@ -41,8 +41,8 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         **dict.fromkeys(("wood-paper", "metal-paper", "plastic-paper"), {"size": 64, "steps": 50_000}),
     },
 }
-"""Flags of each recipe. Networks of the paper recipes are narrower in the cpu budget, alike in all arms of a figure,
-and their view predictors, which the released code trains for 100,000 steps a round, are trained for 200."""
+"""Flags of each recipe. Those of the paper are smaller in the cpu budget, alike in all arms of a figure, and their view
+predictors, which the released code trains for 100,000 steps a round, are trained for 200."""
 
 
 def flags_of(arm: Arm, budget: Budget) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from scipy.stats import t as student
 
 Verdict = Literal["holds", "does not hold", "undecided"]
 Budget = Literal["cpu", "gpu"]
+Better = Literal["more", "less"]
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,14 @@ class Claim:
 
 def ahead_of_paper(ours: str, paper: str, scores: tuple[str, ...]) -> Claim:
     """This project's aim, beyond the paper."""
-    text = "At most a third of the distance of the paper's own recipe in about as many minutes"
+    text = "At most a third of the distance of the paper's own recipe in the same budget"
     return Claim(text, ours, paper, scores, factor=3, ours=True)
 
 
-NARROW = "Networks of the paper recipes are narrower in the cpu budget, alike in all arms: full ones take days there."
+NARROW = (
+    "Networks, batches and samples of a rendering are smaller for the paper's recipe in the cpu budget, alike in all "
+    "its arms: full ones take days there."
+)
 NOTHING = math.log(1.02)  # two per cent: less is nothing to speak of, however often it is the same
 LEAST = 1e-9  # a score of nothing at all still has a logarithm
 
@@ -94,6 +98,7 @@ class Figure:
         arms: what is trained.
         real: what is trained besides where there are real collections.
         claims: what is measured of it.
+        also: further scores for the table, and whether more or less of each is better.
         caption: of the picture.
         deviations: from the paper, each with its reason.
         shows: in the picture: what arms make, or training images grouped by predicted view.
@@ -106,9 +111,18 @@ class Figure:
     arms: tuple[Arm, ...] = ()
     real: tuple[Arm, ...] = ()
     claims: tuple[Claim, ...] = ()
+    also: Mapping[str, Better] = field(default_factory=dict)
     caption: str = ""
     deviations: tuple[str, ...] = ()
     shows: Literal["things", "views"] = "things"
+
+    @property
+    def scores(self) -> dict[str, Better]:
+        """Those of its table, and whether more or less of each is better."""
+        of_claims: dict[str, Better] = {
+            score: "more" if claim.higher else "less" for claim in self.claims for score in claim.scores
+        }
+        return of_claims | dict(self.also)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,10 @@ def predicted(world: str) -> Arm:
     return Arm(f"{world}-predicted", "shapes", world, "silhouettes, views predicted")
 
 
+def papers(world: str) -> Arm:
+    return Arm(f"{world}-paper", "shapes-paper", world, "silhouettes, views predicted, the paper's recipe")
+
+
 def shapes_figure(name: str, things: str, real: tuple[Arm, ...], besides: str) -> Figure:
     """Fig. 2, 3 or 4: shapes from silhouettes whose views nobody knows."""
     arms = (
@@ -26,7 +30,7 @@ def shapes_figure(name: str, things: str, real: tuple[Arm, ...], besides: str) -
             "the same, one discriminator of all views (PrGAN)",
             {"views": "single"},
         ),
-        Arm(f"{things}-paper", "shapes-paper", things, "silhouettes, views predicted, the paper's recipe"),
+        papers(things),
     )
     return Figure(
         name=name,
@@ -41,11 +45,10 @@ def shapes_figure(name: str, things: str, real: tuple[Arm, ...], besides: str) -
                 "Predicted views give better shapes than one discriminator", arms[0].name, arms[1].name, ("mmd_iou",)
             ),
             Claim(
-                "Predicted views cover more of the kinds there are than one discriminator",
+                "They are harder to tell from true ones, kinds that are missing counted, than one discriminator's",
                 arms[0].name,
                 arms[1].name,
-                ("cov_iou",),
-                higher=True,
+                ("1nna_iou",),
             ),
             Claim(
                 "Shapes are at most one and a half times as far from true ones as other true ones",
@@ -56,9 +59,12 @@ def shapes_figure(name: str, things: str, real: tuple[Arm, ...], besides: str) -
             ),
             ahead_of_paper(arms[0].name, arms[2].name, ("mmd_chamfer",)),
         ),
+        also={"cov_iou": "more"},
         deviations=(
             f"The embedded family of {things} is procedural, its silhouettes rendered; with `--data`, {besides}.",
             "32³ in the cpu budget; 64³, as the paper has it, in the gpu budget.",
+            "This project's arms know that these things are their own mirror images, and that they are solid; the "
+            "paper's recipe does not.",
             NARROW,
         ),
     )
@@ -90,7 +96,7 @@ FIGURES = {
             "Training images grouped by predicted view",
             "The views of unannotated silhouettes are found while the generator is learned.",
             "A selection of training images, assigned to views by the predictor. No numbers.",
-            arms=tuple(map(predicted, ("chairs", "birds", "cars"))),
+            arms=tuple(arm for world in ("chairs", "birds", "cars") for arm in (predicted(world), papers(world))),
             real=(BIRD_PHOTOGRAPHS, CHAIR_PHOTOGRAPHS),
             claims=tuple(
                 Claim(
@@ -103,7 +109,12 @@ FIGURES = {
                 )
                 for w in ("chairs", "birds", "cars")
             ),
-            deviations=("Rendered silhouettes, whose true views are known and used for the score alone.",),
+            also={"view_exact": "more", "view_ceiling_exact": "more"},
+            deviations=(
+                "Rendered silhouettes, whose true views are known and used for the score alone. What is its own "
+                "mirror image has the same silhouette from two views, but for two of the sixteen, so 9 of 16 is the "
+                "most that can be found.",
+            ),
             caption="Each row is a view: training images that were assigned to it, twelve at most.",
             shows="views",
         ),
@@ -164,6 +175,8 @@ FIGURES = {
             caption="64 images each.",
             deviations=(
                 "Embedded digits are 8² ones, enlarged; with `--data`, MNIST too.",
+                "Arms have as many minutes each in the cpu budget: a step on lines takes a third of one on images, so "
+                "three times as many fit in.",
                 "Predicted directions of the modern recipe are 20 over a whole turn, not 10 over half of one, since an "
                 "image may come out turned so far that lines are read from their other end; they start from a first "
                 "guess, Gaussian images fitted to the lines.",

@@ -5,9 +5,8 @@ from __future__ import annotations
 import base64
 import html
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from statistics import mean
 from typing import Any
@@ -15,84 +14,13 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from .._files import atomic_path
-from .figure import Claim, Figure, Spread, Verdict, overall, pooled, verdict
+from .figure import Better, Figure
+from .judging import Judged, Report
 from .kept import Kept
 from .slips import DEVIATIONS, SLIPS
 from .sources import COLLECTIONS
 
 LABEL, GAP, WIDEST = 22, 12, 1600
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A claim, its effect at each seed that both arms have, how far seeds spread such an effect, and the verdict."""
-
-    claim: Claim
-    effects: tuple[float, ...]
-    spread: Spread
-
-    @property
-    def verdict(self) -> Verdict:
-        return verdict(self.effects, self.spread)
-
-    @property
-    def text(self) -> str:
-        return f"Beyond the paper: {self.claim.text}" if self.claim.ours else self.claim.text
-
-    @property
-    def said(self) -> str:
-        """The verdict; undecided, though all seeds are on one side, is not the same as contradicted."""
-        if self.verdict != "undecided" or len(self.effects) < 2:
-            return self.verdict
-        good = [effect > 0 for effect in self.effects]
-        leaning = "every seed as claimed" if all(good) else "seeds disagree" if any(good) else "no seed as claimed"
-        return f"undecided ({leaning})"
-
-
-@dataclass(frozen=True)
-class Report:
-    """A figure and what is kept of its arms: (arm, seed) → result; and of true things: name → result."""
-
-    figure: Figure
-    kept: dict[tuple[str, int], Kept]
-    truths: dict[str, Kept] = field(default_factory=dict)
-
-    @cached_property
-    def judged(self) -> tuple[Judged, ...]:
-        real = {arm.name for arm in self.figure.real}
-        judged = [Judged(claim, self._effects(claim), self._spread(claim)) for claim in self.figure.claims]
-        return tuple(one for one in judged if one.effects or not {one.claim.better, one.claim.than} & real)
-
-    @property
-    def verdict(self) -> Verdict:
-        """Of the paper's claims; those beyond it, and those of real collections that are not at hand, do not count."""
-        return overall([one.verdict for one in self.judged if not one.claim.ours])
-
-    def seeds(self, arm: str) -> list[int]:
-        return sorted(seed for name, seed in self.kept if name == arm)
-
-    @cached_property
-    def values(self) -> dict[tuple[str, int], dict[str, float]]:
-        return {key: kept.values() for key, kept in self.kept.items()}
-
-    def _effects(self, claim: Claim) -> tuple[float, ...]:
-        truth = self.truths[claim.than].values() if claim.than in self.truths else None
-        found = []
-        for seed in self.seeds(claim.better):
-            better, than = self.values[claim.better, seed], truth or self.values.get((claim.than, seed))
-            if claim.than and than is None:
-                continue
-            if all(name in side for name in claim.scores for side in (better, than) if side is not None):
-                found.append(claim.effect(better, than))
-        return tuple(found)
-
-    def _spread(self, claim: Claim) -> Spread:
-        """Of an effect: that between the seeds of an arm, of all the figure's arms together; of two arms, twice."""
-        arms: dict[str, list[float]] = {}
-        for (arm, _), values in self.values.items():
-            if all(score in values for score in claim.scores):
-                arms.setdefault(arm, []).append(claim.level(values))
-        return pooled(arms.values()) * (2 if claim.than in arms else 1)
 
 
 def write(report: Report, folder: Path) -> tuple[Path, ...]:
@@ -114,19 +42,21 @@ def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> Non
     Args:
         pages: the folder of the figures' own pages, as seen from this one; ends in a slash unless empty.
     """
-    rows = [["figure", "claim", "scores", MARGIN, "verdict"]]
+    rows = [["figure", "claim", "measured by", MEASURED, MARGIN, "verdict"]]
     for report in reports:
         name = f"[{report.figure.name.replace('fig', 'Fig. ')}]({pages}{report.figure.name}.md)"
-        rows.append([name, report.figure.claim, "", "", report.verdict])
+        rows.append([name, report.figure.claim, "", "", "", report.verdict])
         for judged in report.judged:
-            rows.append(["", judged.text, ", ".join(judged.claim.scores), margins(judged), judged.said])
+            rows.append(["", judged.text, ", ".join(judged.claim.scores), *_numbers(judged)])
     arms = {key: kept for report in reports for key, kept in report.kept.items()}
+    better: dict[str, Better] = {score: which for report in reports for score, which in report.figure.scores.items()}
     blocks: list[Block] = [
         ("heading", "The figures of the paper's supplemental material, reproduced"),
         ("text", HOW_TO_READ),
         ("table", rows),
+        ("text", STRUCTURES_SHOWN.format(pages=pages)),
         ("section", "Scores"),
-        ("list", protocols(arms.values(), [claim for report in reports for claim in report.figure.claims])),
+        ("list", protocols(arms.values(), better)),
         ("section", "Deviations from the paper"),
         ("list", [*DEVIATIONS, *own_deviations([report.figure for report in reports])]),
         ("section", "Slips of the paper, and what is left open"),
@@ -145,12 +75,14 @@ def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> Non
 HOW_TO_READ = (
     "The paper is Li, Dong, Peers, Tong, CVPR 2019. The figures of its supplemental material have no numbers: what a "
     "claim asks for is this project's, and a claim that does not name the paper's recipe is about this project's. "
-    "*Margin* is how many times better than what is asked for a score is: 1 just meets it, and where at most a third "
-    "of a distance is asked for, 1.5 is 4.5 times nearer. Several scores count as one, their geometric mean. A claim "
-    "holds, or does not, if the mean logarithm of its margins is farther from 0 than seeds spread: "
+    "*Score* is of each arm that is compared, the geometric mean over seeds, and over scores where there are several. "
+    "Chamfer and Fréchet distances are squared ones, as is usual. *Margin* is how many times better than what is asked "
+    "for a score is: 1 just meets it, and where at most a third of a distance is asked for, 1.5 is 4.5 times nearer. "
+    "A claim holds, or does not, if the mean logarithm of its margins is farther from 0 than seeds spread: "
     "Student's t test, five per cent on either side, with the variance of the score's logarithm between the seeds of "
-    "an arm, pooled over the arms of the figure. It is undecided otherwise, with fewer than two seeds, and where the "
-    "mean margin is within two per cent of 1. `--seeds 3` adds a seed; what is kept is not trained again. "
+    "an arm, pooled over the figure's arms that are scored against the same things. It is undecided otherwise, with "
+    "fewer than two seeds, and where the mean margin is within two per cent of 1. Of twenty claims with nothing to "
+    "them chance decides two. `--seeds 3` adds a seed; what is kept is not trained again. "
     "A figure holds if all the paper's claims do. That it does not means: not reproduced here, with this budget."
 )
 HOW_MADE = (
@@ -165,6 +97,11 @@ SCORE_TABLE = (
     "Scores are the mean over seeds, in brackets each seed's. Beside the arms: truth, what other true things score, "
     "which is the best to be had; shuffled, these with their maps exchanged between materials."
 )
+STRUCTURES_SHOWN = (
+    "[Fig. 1]({pages}fig1.txt) and [Fig. 6]({pages}fig6.txt) of the paper are network structures; there they are as "
+    "this project builds them, of the paper's sizes."
+)
+MEASURED = "score"
 MARGIN = "margin, by seed"
 
 
@@ -182,12 +119,20 @@ def own_deviations(figures: Iterable[Figure]) -> list[str]:
     return [f"{'Fig.' if len(names) == 1 else 'Figs.'} {', '.join(names)}: {line}" for line, names in of.items()]
 
 
-def protocols(results: Iterable[Kept], claims: Sequence[Claim]) -> list[str]:
-    """What each score that claims are about measures, as it was measured, and whether more or less of it is better.
+def measured(judged: Judged) -> str:
+    """The score that a claim is about, of each arm that it names, the geometric mean over seeds."""
+    return ", ".join(f"{arm} {value:.3g}" for arm, value in judged.measured.items())
+
+
+def _numbers(judged: Judged) -> list[str]:
+    return [measured(judged), margins(judged), judged.said]
+
+
+def protocols(results: Iterable[Kept], better: Mapping[str, Better]) -> list[str]:
+    """What each score measures, as it was measured, and whether more or less of it is better.
 
     Where it was not measured alike for all arms, each way is followed by the arms that it is of.
     """
-    better = {score: "more" if claim.higher else "less" for claim in claims for score in claim.scores}
     found: dict[str, dict[str, list[str]]] = {name: {} for name in better}
     for kept in results:
         scores = kept.read()["scores"]
@@ -218,11 +163,11 @@ def blocks_of(report: Report, picture: Path | None) -> list[Block]:
             ("text", f"{figure.caption} Of each arm's first seed, the first ones, none chosen."),
         ]
     blocks += [
-        ("table", [["claim", MARGIN, "verdict"], *map(_claim_row, report.judged)]),
+        ("table", [["claim", MEASURED, MARGIN, "verdict"], *map(_claim_row, report.judged)]),
         ("text", HOW_TO_READ),
         ("table", score_rows(report)),
         ("text", SCORE_TABLE),
-        *([("list", found)] if (found := protocols(report.kept.values(), figure.claims)) else []),
+        *([("list", found)] if (found := protocols(report.kept.values(), figure.scores)) else []),
         ("text", "Arms:"),
         ("list", [f"{arm.name}: {arm.says} (`{arm.recipe}`)" for arm in (*figure.arms, *figure.real)]),
     ]
@@ -232,12 +177,12 @@ def blocks_of(report: Report, picture: Path | None) -> list[Block]:
 
 
 def _claim_row(judged: Judged) -> list[str]:
-    return [f"{judged.text} ({', '.join(judged.claim.scores)})", margins(judged), judged.said]
+    return [f"{judged.text} ({', '.join(judged.claim.scores)})", *_numbers(judged)]
 
 
 def score_rows(report: Report) -> list[list[str]]:
-    """The scores that claims are about: the mean over seeds, and each seed's in brackets; then those of true things."""
-    columns = list(dict.fromkeys(s for claim in report.figure.claims for s in claim.scores))
+    """The figure's scores: the mean over seeds, and each seed's in brackets; then those of true things."""
+    columns = list(report.figure.scores)
     rows = [["arm", "minutes", *columns]]
     for arm in (*report.figure.arms, *report.figure.real):
         contents = [report.kept[arm.name, seed].read() for seed in report.seeds(arm.name)]
@@ -296,11 +241,11 @@ def page(title: str, blocks: Sequence[Block]) -> str:
     body: list[str] = []
     for kind, value in blocks:
         if kind == "heading":
-            body.append(f"<h1>{html.escape(value)}</h1>")
+            body.append(f"<h1>{_rich(value)}</h1>")
         elif kind == "list":
-            body.append("<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in value) + "</ul>")
+            body.append("<ul>" + "".join(f"<li>{_rich(line)}</li>" for line in value) + "</ul>")
         elif kind == "table":
-            cells = [[html.escape(cell) for cell in row] for row in value]
+            cells = [[_rich(cell) for cell in row] for row in value]
             head = "".join(f"<th>{cell}</th>" for cell in cells[0])
             rest = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in cells[1:])
             body.append(f"<table><tr>{head}</tr>{rest}</table>")
@@ -308,11 +253,16 @@ def page(title: str, blocks: Sequence[Block]) -> str:
             content = base64.b64encode(value.read_bytes()).decode()
             body.append(f'<img alt="{value.stem}" src="data:image/png;base64,{content}">')
         else:
-            body.append(f"<p>{html.escape(value)}</p>")
+            body.append(f"<p>{_rich(value)}</p>")
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}</title>'
         f"<style>{STYLE}</style><body>{''.join(body)}</body></html>\n"
     )
+
+
+def _rich(text: str) -> str:
+    """Of Markdown what reports use: `code` and *emphasis*."""
+    return re.sub(r"\*(\w+)\*", r"<em>\1</em>", re.sub("`([^`]*)`", r"<code>\1</code>", html.escape(text)))
 
 
 def save_picture(report: Report, path: Path) -> bool:

@@ -94,10 +94,10 @@ def finish(jobs: Iterable[Job], where: Where) -> None:
     with ThreadPoolExecutor(where.parallel) as pool, _leaving_none(children):
         try:
             for job in missing:
-                with _noting(failures):
+                with _saying(failures):
                     futures.append(pool.submit(_train, *job, where, command(*job, where), children))
             for future in as_completed(futures):
-                with _noting(failures):
+                with _saying(failures):
                     future.result()
         except BaseException:
             for future in futures:
@@ -110,12 +110,21 @@ def finish(jobs: Iterable[Job], where: Where) -> None:
 
 
 @contextmanager
-def _noting(failures: list[str]) -> Iterator[None]:
+def noting(failures: list[str]) -> Iterator[None]:
+    """A failure is noted, and does not keep what comes after it from being done."""
     try:
         yield
     except UserError as error:
-        print(f"failed: {error}", flush=True)
         failures.append(str(error))
+
+
+@contextmanager
+def _saying(failures: list[str]) -> Iterator[None]:
+    before = len(failures)
+    with noting(failures):
+        yield
+    for failure in failures[before:]:
+        print(f"failed: {failure}", flush=True)
 
 
 @contextmanager
