@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ from toy import BINS, CHAIRS, SIZE, Layer, toy
 
 from unproject._types import UserError
 from unproject.adversarial.assignment import Predicted
+from unproject.adversarial.augmentation import Augmentation
 from unproject.adversarial.penalties import GradientPenalty
-from unproject.networks import LowRankGenerator
+from unproject.networks import Discriminator, LowRankGenerator
 from unproject.projections.observation import Observation
 from unproject.recipes import shapes as shapes_module
 from unproject.recipes.shapes import shapes, shapes_paper
@@ -109,6 +110,29 @@ def test_each_thing_is_looked_at_several_times(tmp_path: Path, monkeypatch: pyte
     for x, way in seen:
         assert torch.equal(x[0], x[1]) and torch.equal(x[2], x[3]) and not torch.equal(x[1], x[2])
         assert len(way) == 4
+
+
+@dataclass(frozen=True)
+class Marked(Augmentation):
+    def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
+        return 2 + images * torch.rand(len(images), 1, 1, 1, generator=rng)
+
+
+def test_discriminators_see_nothing_that_is_not_augmented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In their own update, its penalty and the generator's, real and generated; what is in no image is 2."""
+    seen: list[Tensor] = []
+    forward = Discriminator.forward
+
+    def noted(judge: Discriminator, image: Tensor, head: Tensor) -> Tensor:
+        seen.append(image.detach().clone())
+        return forward(judge, image, head)
+
+    monkeypatch.setattr(Discriminator, "forward", noted)
+    recipe = replace(toy(steps=4, views="known"), augmentation=Marked())
+    train(recipe, tmp_path / "run", quiet=True)
+    assert len(seen) == 4 * 2 + 2 and all(image.min() >= 2 for image in seen)  # and the penalty's, real and generated
+    real, fake = seen[0].chunk(2)
+    assert not torch.equal(real[0], real[1]) and torch.equal(fake, seen[1])
 
 
 @pytest.mark.parametrize("views", VIEWS)

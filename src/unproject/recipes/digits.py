@@ -15,6 +15,7 @@ import torch
 from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.assignment import Predicted
+from ..adversarial.augmentation import Shift
 from ..adversarial.gaussian_start import GaussianStart
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
@@ -42,6 +43,7 @@ def digits(
     channels: int = 128,
     rate: float = 1e-3,
     gamma: float | None = None,
+    shift: float = 0.0,
     rounds: int = 15,
     balance: float = 0.8,
     checkpoint_every: int = 500,
@@ -66,6 +68,7 @@ def digits(
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of the readings' deviation; 0.02, or 0.1 for direct training.
+        shift: shift all that the discriminator sees by up to so many pixels; for small collections (2).
         rounds: how often directions are predicted anew, evenly over the budget.
         balance: how far predicted directions are drawn to equal numbers from everywhere, 0 to 1.
         checkpoint_every: steps between checkpoints.
@@ -84,6 +87,7 @@ def digits(
         assignment=modern_assignment(views, from_a_guess(rounds, balance, bins)),
         loss=Relativistic(),
         penalty=R1R2(gamma * deviation**2, every=8),
+        augmentation=Shift(shift) if shift else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=batch or (64 if direct else 128),

@@ -178,7 +178,11 @@ class Loop:
                 fake = panel.look_as_learned(x, recipe.assignment, rng)
             else:
                 fake = panel.look(x, panel.ways[rows], rng)
-        return Batch(panel, panel.items[rows].to(fake), fake, panel.heads[rows].to(fake.device))
+        real = panel.items[rows].to(fake)
+        if recipe.augmentation is not None:
+            rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
+            real, fake = recipe.augmentation(real, rng), recipe.augmentation(fake, rng)
+        return Batch(panel, real, fake, panel.heads[rows].to(fake.device))
 
     def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from .._types import UserError
 from ..adversarial.assignment import Known, Predicted
+from ..adversarial.augmentation import Augmentation
 from ..adversarial.learned_prior import LearnedPrior
 from ..adversarial.losses import Loss, Relativistic
 from ..adversarial.penalties import R1R2, Penalty
@@ -50,6 +51,7 @@ class Recipe:
         looks: pairs of an observation and the collection of what it saw. With `Predicted` or `LearnedPrior`,
             every observation stands beside the same collection. The `Identity` projection is direct training.
         discriminator: (shape of one image, number of heads) → discriminator.
+        augmentation: of all that discriminators see, real and generated; for small collections.
         regulariser: a term of the generator's loss, a function of x itself and of the part of the budget spent.
         discriminator_steps: discriminator updates a generator update.
         batch: images an update.
@@ -70,6 +72,7 @@ class Recipe:
     discriminator: Callable[[tuple[int, ...], int], nn.Module] = Discriminator
     loss: Loss = field(default_factory=Relativistic)
     penalty: Penalty | None = field(default_factory=R1R2)
+    augmentation: Augmentation | None = None
     generator_optimiser: Adam = field(default_factory=Adam)
     discriminator_optimiser: Adam = field(default_factory=Adam)
     regulariser: Callable[[Tensor, float], Tensor] | None = None
