@@ -177,9 +177,9 @@ FIGURES = {
             caption="64 images each.",
             deviations=(
                 "Embedded digits are 8² ones, enlarged; with `--data`, MNIST too.",
-                "Of embedded digits there are 1,500, one line of each: in all arms but the paper's, what discriminators "
-                "see is shifted at random by up to two pixels. How far, and the weight of R1 and R2, was chosen of five "
-                "by the known directions' distance at seed 0.",
+                "Of embedded digits there are 1,500, one line of each: in all arms but the paper's, what "
+                "discriminators see is shifted at random by up to two pixels. How far, and the weight of R1 and R2, "
+                "was chosen of five by the known directions' distance at seed 0.",
                 "Arms have as many minutes each in the cpu budget: a step on lines takes a third of one on images, so "
                 "three times as many fit in.",
                 "Predicted directions of the modern recipe are 20 over a whole turn, not 10 over half of one, since an "
