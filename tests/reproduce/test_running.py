@@ -296,6 +296,6 @@ def test_true_things_that_are_missing_do_not_keep_reports_from_being_written(
         raise UserError("probes: is missing")
 
     monkeypatch.setattr(package, "score_truth", missing)
-    with pytest.raises(UserError, match="probes: is missing"):
+    with pytest.raises(UserError, match="^probes: is missing$"):
         package.reproduce("toy", where, 1, tmp_path / "out")
     assert (tmp_path / "out" / "toy.md").exists()

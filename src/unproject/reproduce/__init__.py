@@ -59,11 +59,9 @@ def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True
     trouble: list[str] = []
     with noting(trouble):
         (finish if train else score_finished)(jobs, where)
-    for arm in arms.values():
-        if where.results(arm):
-            place = where.place(arm)
-            with noting(trouble):
-                score_truth(arm.source, place, where.truths(arm.source), {"budget": where.budget, "size": place.size})
+    for source, place in {arm.source: where.place(arm) for arm in arms.values() if where.results(arm)}.items():
+        with noting(trouble):
+            score_truth(source, place, where.truths(source), {"budget": where.budget, "size": place.size})
     reports = tuple(report_of(figure, where) for figure in chosen)
     if not any(report.kept for report in reports):
         nothing = f"{where.kept}: nothing is kept there; run without --report to train it"
