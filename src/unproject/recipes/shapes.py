@@ -5,13 +5,16 @@ The four arms of every comparison differ by `views` alone; `pairing` has the tab
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from .._random import derived_seed
 from .._types import UserError
+from ..adversarial.assignment import Predicted
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
+from ..adversarial.mean_shape_start import MeanShapeStart
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..adversarial.regularisers import Solid
 from ..data import Collection, chairs, observe, read, with_flips
@@ -99,7 +102,7 @@ def shapes(
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed, flips),
-        assignment=modern_assignment(views, little_and_often(rounds, balance)),
+        assignment=modern_assignment(views, from_a_guess(rounds, balance, mirror)),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
         regulariser=Solid(solid, solid / 10) if solid and views != "direct" else None,
@@ -190,6 +193,12 @@ def shapes_paper(
         seed=seed,
         checkpoint_every=checkpoint_every,
     )
+
+
+def from_a_guess(rounds: int, balance: float, mirror: bool) -> Predicted:
+    """Views from those of the mean shape on: else wide and narrow round shapes may do for front and side for ever."""
+    often = little_and_often(rounds, balance)
+    return replace(often, first=MeanShapeStart(mirror=mirror, balance=balance))
 
 
 def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:

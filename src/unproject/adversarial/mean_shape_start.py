@@ -1,0 +1,153 @@
+"""A first guess at the views of silhouettes: the one shape that explains them all best.
+
+A generator and a view predictor that know nothing can agree on shapes that look the same from every side: wide ones
+for wide silhouettes, narrow ones for narrow silhouettes, and no view will ever be told apart. What all silhouettes
+together say of their mean is enough to tell front from side, and needs no network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from .._random import generator_at
+from .._types import UserError
+from ..ops.rotation import quarter_turn
+from ..projections.observation import Observation
+from ..projections.priors import sample_each
+from .assignment import balanced
+
+SIDE = 16  # voxels of the shape, and pixels of what is compared
+REACH = 0.6  # radius of the ball that it starts as, in half widths of the volume
+UNEVEN = 0.1  # deviation of its logits at the start: what makes one try differ from another
+ANNEALED = 0.8  # part of the iterations after which the temperature stays
+LOOKS = 8  # draws of each view that the final probabilities are the mean of
+
+
+@dataclass(frozen=True)
+class MeanShapeStart:
+    """y = P_k(x̄) + ε for one shape x̄, all views as frequent: p(k | y) ∝ exp(-|y - P_k(x̄)|² / τ), by annealed EM.
+
+    Each iteration tells the silhouettes' views by the shape as it is, and brings what the shape looks like in each view
+    nearer to the mean of the silhouettes told so, by a step of Adam on its logits. τ falls from `hot` to `cold`, evenly
+    in its logarithm. The shape that explains most, of several that start as uneven balls, is taken. With `mirror` each
+    is also fitted from where a quarter turn brings it, with τ from `warm`: a long thing may lie along the plane of its
+    symmetry or across it, and which is seen late.
+
+    Args:
+        mirror: the shape is symmetric left to right, as what is generated then is; without it the views found may be
+            turned against the generator's.
+        images: that the shape is fitted to; the others are told their probabilities.
+        tries: balls to start from.
+        iterations: of each fit.
+        hot, warm, cold: τ at the start, after a quarter turn, and at the end, in pixels of silhouettes 16 pixels a
+            side. Neighbouring pixels err together, so it is far above twice the variance of one.
+        balance: how far views are drawn to equal numbers, 0 (not) to 1.
+
+    References:
+        EM with views as latent variables: Scheres et al. 2007; from no reference at all, by stochastic steps: Punjani
+        et al. 2017 (cryoSPARC). Annealing: Ueda and Nakano 1998.
+    """
+
+    mirror: bool = False
+    images: int = 2000
+    tries: int = 2
+    iterations: int = 300
+    hot: float = 60.0
+    warm: float = 6.0
+    cold: float = 1.5
+    balance: float = 1.0
+
+    def __post_init__(self) -> None:
+        temperatures = 0 < self.cold <= self.warm <= self.hot
+        if min(self.images, self.tries, self.iterations) < 1 or not temperatures or not 0 <= self.balance <= 1:
+            raise UserError(
+                f"{self}: give at least 1 image, try and iteration, and 0 < cold <= warm <= hot, balance 0 to 1"
+            )
+
+    def __call__(self, observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
+        """p(k | y), (N, ways), of silhouettes (N, 1, H, W).
+
+        Raises:
+            UserError: if these are not silhouettes.
+        """
+        if items.dim() != 4 or items.shape[1] != 1 or "azimuth" not in observations[0].prior.names:
+            raise UserError("MeanShapeStart: takes silhouettes from different sides; leave it out here")
+        pictures = pooled(items.float())
+        rows = torch.randperm(len(pictures), generator=generator_at(seed, 0, "silhouettes"))[: self.images]
+        fits: list[Fitted] = []
+        for number in range(self.tries):
+            ball = uneven_ball(generator_at(seed, number, "ball"))
+            fits.append(self.fit(observations, pictures[rows], ball, self.hot, seed))
+            if self.mirror:
+                turned = quarter_turn(fits[-1].logits[None], 1)[0]
+                fits.append(self.fit(observations, pictures[rows], turned, self.warm, seed))
+        best = max(fits, key=lambda fitted: fitted.likelihood)
+        told = (-mismatch(pictures, observations, best.logits, seed) / self.cold).softmax(1)
+        return balanced(told, self.balance)
+
+    def fit(
+        self, observations: Sequence[Observation], pictures: Tensor, logits: Tensor, hot: float, seed: int
+    ) -> Fitted:
+        """The shape that pictures (N, 256) lead to from `logits` (X, Y, Z), with τ from `hot` to `cold`."""
+        logits = logits.clone().requires_grad_()
+        adam = torch.optim.Adam([logits], 0.1, (0.8, 0.95))
+        for step in range(self.iterations):
+            seen = look(observations, self._symmetric(logits), generator_at(seed, step, "looks at the mean shape"))
+            heat = hot * (self.cold / hot) ** min(1.0, step / (ANNEALED * self.iterations))
+            with torch.no_grad():
+                told = balanced((-squares(pictures, seen) / heat).softmax(1), self.balance, 10)
+                mass = told.sum(0)
+                mean = told.T @ pictures / mass.clamp_min(1e-6)[:, None]
+            loss = (mass @ (seen - mean).square().sum(1)) / len(pictures)
+            adam.zero_grad()
+            loss.backward()
+            adam.step()
+        found = self._symmetric(logits.detach())
+        errors = mismatch(pictures, observations, found, seed)
+        return Fitted(found, float((-errors / self.cold).logsumexp(1).mean()))
+
+    def _symmetric(self, logits: Tensor) -> Tensor:
+        return (logits + logits.flip(0)) / 2 if self.mirror else logits
+
+
+class Fitted(NamedTuple):
+    """The logits of a shape (X, Y, Z), and the mean of log Σ_k exp(-|y - P_k(x̄)|² / τ), which the best has most of."""
+
+    logits: Tensor
+    likelihood: float
+
+
+def pooled(pictures: Tensor) -> Tensor:
+    """(N, 1, H, W) brought to 16 pixels a side, flat: (N, 256)."""
+    return F.adaptive_avg_pool2d(pictures, SIDE).flatten(1)
+
+
+def uneven_ball(rng: torch.Generator) -> Tensor:
+    """Logits (X, Y, Z) of a soft ball in the middle, a little uneven."""
+    middles = (torch.arange(SIDE) + 0.5) / SIDE * 2 - 1
+    squared = sum(axis.square() for axis in torch.meshgrid(middles, middles, middles, indexing="ij"))
+    return 8 * (REACH**2 - squared) + UNEVEN * torch.randn(SIDE, SIDE, SIDE, generator=rng)
+
+
+def look(observations: Sequence[Observation], logits: Tensor, rng: torch.Generator) -> Tensor:
+    """What the shape of these logits (X, Y, Z) looks like once in every view, (K, 256)."""
+    ways = torch.arange(len(observations))
+    theta = sample_each([way.prior for way in observations], ways, rng)
+    return pooled(observations[0].projection(logits.sigmoid().expand(len(ways), -1, -1, -1), **theta))
+
+
+def squares(pictures: Tensor, seen: Tensor) -> Tensor:
+    """|y_n - s_k|², (N, K)."""
+    return pictures.square().sum(1)[:, None] - 2 * pictures @ seen.T + seen.square().sum(1)
+
+
+def mismatch(pictures: Tensor, observations: Sequence[Observation], logits: Tensor, seed: int) -> Tensor:
+    """|y - P_k(x)|², (N, K), the mean over each view's prior."""
+    draws = [look(observations, logits, generator_at(seed, draw, "looks at the fitted shape")) for draw in range(LOOKS)]
+    return torch.stack([squares(pictures, seen) for seen in draws]).mean(0)
