@@ -12,7 +12,6 @@ from typing import Literal
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.assignment import Predicted
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.mean_shape_start import MeanShapeStart
 from ..adversarial.penalties import R1R2, GradientPenalty
@@ -50,6 +49,7 @@ def shapes(
     solid: float = 0.1,
     rounds: int = 40,
     balance: float = 0.8,
+    guess: bool = False,
     mirror: bool = True,
     precision: Literal["float32", "bfloat16"] = "float32",
     compile: bool = False,
@@ -82,6 +82,8 @@ def shapes(
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far predicted views are drawn to equal numbers from everywhere, 0 to 1; lower it if most of
             your pictures were taken from one side.
+        guess: start from the views of one mean shape, fitted to all silhouettes, not from random ones: for things that
+            are longer than they are wide, such as cars, whose views may never be told apart otherwise.
         mirror: make only shapes that are symmetric left to right, as most things are; turn it off for others.
         precision: of the networks.
         compile: use torch.compile.
@@ -89,6 +91,7 @@ def shapes(
     """
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+    first = MeanShapeStart(mirror=mirror, balance=balance) if guess else None
     return Recipe(
         generator=partial(
             LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=views != "direct"
@@ -102,7 +105,7 @@ def shapes(
             volumetric=views == "direct",
         ),
         looks=look_at(data, views, ways_of_looking(silhouette, bins, bands), looks_per_shape, binary, seed, flips),
-        assignment=modern_assignment(views, from_a_guess(rounds, balance, mirror)),
+        assignment=modern_assignment(views, replace(little_and_often(rounds, balance), first=first)),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
         regulariser=Solid(solid, solid / 10) if solid and views != "direct" else None,
@@ -193,12 +196,6 @@ def shapes_paper(
         seed=seed,
         checkpoint_every=checkpoint_every,
     )
-
-
-def from_a_guess(rounds: int, balance: float, mirror: bool) -> Predicted:
-    """Views from those of the mean shape on: else wide and narrow round shapes may do for front and side for ever."""
-    often = little_and_often(rounds, balance)
-    return replace(often, first=MeanShapeStart(mirror=mirror, balance=balance))
 
 
 def ways_of_looking(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:
