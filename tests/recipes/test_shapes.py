@@ -13,6 +13,7 @@ import torch
 from unproject._types import UserError
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
+from unproject.adversarial.mean_shape_start import MeanShapeStart
 from unproject.adversarial.penalties import R1R2, GradientPenalty
 from unproject.adversarial.regularisers import Solid
 from unproject.data import Collection
@@ -127,6 +128,15 @@ def test_the_modern_choices(volumes: Path) -> None:
     assert generator.sample(1).shape == (1, 16, 16, 16)
     assert (made.loss, made.penalty) == (Relativistic(), R1R2(3, every=8))
     assert isinstance(made.assignment, Predicted) and len(made.assignment.starts) == 2
+
+
+@pytest.mark.parametrize("mirror", [True, False])
+def test_a_guess_has_the_symmetry_of_what_is_made(mirror: bool, volumes: Path) -> None:
+    made = shapes(data=volumes, guess=True, mirror=mirror, balance=0.3, **SMALL)
+    assert isinstance(made.assignment, Predicted)
+    assert made.assignment.first == MeanShapeStart(mirror=mirror, balance=0.3)
+    plain = shapes(data=volumes, **SMALL).assignment
+    assert isinstance(plain, Predicted) and plain.first is None
 
 
 def test_the_seeds_choices(volumes: Path) -> None:
