@@ -56,7 +56,7 @@ def test_a_long_thing_that_lies_across_the_plane_of_symmetry_explains_less() -> 
     pictures = pooled(items)
     across = QUICK.fit(AROUND, pictures, uneven_ball(generator_at(0)), QUICK.hot, 0)
     along = QUICK.fit(AROUND, pictures, quarter_turn(across.logits[None], 1)[0], QUICK.warm, 0)
-    assert along.likelihood > across.likelihood + 0.05
+    assert along.log_likelihood > across.log_likelihood + 0.05
     for fitted, turn in ((across, VIEWS // 4), (along, 0)):
         told = mismatch(pictures, AROUND, fitted.logits, 0).argmin(1)
         assert view_accuracy(told, true, VIEWS).gauge.turn % (VIEWS // 2) == turn
@@ -79,14 +79,18 @@ def test_mismatch_is_the_mean_square_over_each_views_prior() -> None:
     assert there.shape == (VIEWS, 256)
     every = torch.stack([torch.stack([(y - s).square().sum() for s in there]) for y in pictures])
     torch.testing.assert_close(squares(pictures, there), every)
-    narrow = [replace(way, prior=AROUND[0].prior) for way in AROUND]
-    one = mismatch(pictures, narrow, logits, 0)
-    torch.testing.assert_close(one, one.mean(1, keepdim=True).expand_as(one), atol=0.1, rtol=0)
+    draws = [look(AROUND, logits, generator_at(7, draw, "looks at the fitted shape")) for draw in range(8)]
+    assert not torch.allclose(draws[0], draws[1], atol=1e-3)
+    torch.testing.assert_close(mismatch(pictures, AROUND, logits, 7), sum(squares(pictures, s) for s in draws) / 8)
 
 
 def test_what_are_no_silhouettes_is_refused() -> None:
     with pytest.raises(UserError, match="takes silhouettes"):
         MeanShapeStart()(directions(4, 0.02), torch.zeros(4, 1, 16), 0)
+    with pytest.raises(UserError, match="takes silhouettes"):
+        MeanShapeStart()(directions(4, 0.02), torch.zeros(4, 1, 16, 16), 0)
+    with pytest.raises(UserError, match="takes silhouettes"):
+        MeanShapeStart()(AROUND, torch.zeros(4, 1, 16, 32), 0)
     with pytest.raises(UserError, match="takes silhouettes"):
         MeanShapeStart()(AROUND, torch.zeros(4, 3, 16, 16), 0)
     for wrong in ({"images": 0}, {"cold": 0.0}, {"warm": 99.0}, {"balance": 1.5}):

@@ -14,6 +14,7 @@ from unproject.recipes import find
 from unproject.reproduce import FIGURES, Arm, Claim, overall, verdict
 from unproject.reproduce.budgets import SIZES, flags_of
 from unproject.reproduce.figure import Spread, pooled
+from unproject.reproduce.figures import GUESSED_BECAUSE
 from unproject.reproduce.scoring import score_materials
 from unproject.reproduce.sources import PHOTOGRAPHED, SOURCES
 
@@ -139,3 +140,8 @@ def test_the_cpu_budget_is_ten_minutes_an_arm() -> None:
         assert flags.get("minutes", 0) <= 9.5 and flags.get("steps", 0) <= 1500
     # Two seeds, two at a time: arms of nine minutes and what a score takes, within the hour.
     assert all(len(figure.arms) * 10 <= 60 for figure in FIGURES.values())
+
+
+def test_a_figure_with_a_guessed_arm_says_so() -> None:
+    guessing = {f.name for f in FIGURES.values() if any(a.flags.get("guess") for a in (*f.arms, *f.real))}
+    assert guessing == {f.name for f in FIGURES.values() if GUESSED_BECAUSE in f.deviations} == {"fig4", "fig5"}

@@ -26,12 +26,12 @@ SIDE = 16  # voxels of the shape, and pixels of what is compared
 REACH = 0.6  # radius of the ball that it starts as, in half widths of the volume
 UNEVEN = 0.1  # deviation of its logits at the start: what makes one try differ from another
 ANNEALED = 0.8  # part of the iterations after which the temperature stays
-LOOKS = 8  # draws of each view that the final probabilities are the mean of
+LOOKS = 8  # draws of each view that a fitted shape's squared errors are the mean of
 
 
 @dataclass(frozen=True)
 class MeanShapeStart:
-    """y = P_k(x̄) + ε for one shape x̄, all views as frequent: p(k | y) ∝ exp(-|y - P_k(x̄)|² / τ), by annealed EM.
+    """y = P_k(x̄) + ε for one shape x̄, views about as frequent: p(k | y) ∝ exp(-|y - P_k(x̄)|² / τ), by annealed EM.
 
     Each iteration tells the silhouettes' views by the shape as it is, and brings what the shape looks like in each view
     nearer to the mean of the silhouettes told so, by a step of Adam on its logits. τ falls from `hot` to `cold`, evenly
@@ -40,14 +40,16 @@ class MeanShapeStart:
     symmetry or across it, and which is seen late.
 
     Args:
-        mirror: the shape is symmetric left to right, as what is generated then is; without it the views found may be
-            turned against the generator's.
+        mirror: the shape is symmetric left to right. Set it as the generator's is: views that are found without it may
+            be turned against the plane of symmetry of a generator that mirrors.
         images: that the shape is fitted to; the others are told their probabilities.
         tries: balls to start from.
         iterations: of each fit.
         hot, warm, cold: τ at the start, after a quarter turn, and at the end, in pixels of silhouettes 16 pixels a
             side. Neighbouring pixels err together, so it is far above twice the variance of one.
         balance: how far views are drawn to equal numbers, 0 (not) to 1.
+
+    Level views of 32² take some eight seconds of one core; tilted ones, which have no fast path, twelve times as long.
 
     References:
         EM with views as latent variables: Scheres et al. 2007; from no reference at all, by stochastic steps: Punjani
@@ -71,14 +73,15 @@ class MeanShapeStart:
             )
 
     def __call__(self, observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
-        """p(k | y), (N, ways), of silhouettes (N, 1, H, W).
+        """p(k | y), (N, ways), of square silhouettes (N, 1, D, D), on the CPU.
 
         Raises:
             UserError: if these are not silhouettes.
         """
-        if items.dim() != 4 or items.shape[1] != 1 or "azimuth" not in observations[0].prior.names:
+        silhouettes = items.dim() == 4 and items.shape[1] == 1 and items.shape[2] == items.shape[3]
+        if not silhouettes or "azimuth" not in observations[0].prior.names:
             raise UserError("MeanShapeStart: takes silhouettes from different sides; leave it out here")
-        pictures = pooled(items.float())
+        pictures = pooled(items.cpu().float())
         rows = torch.randperm(len(pictures), generator=generator_at(seed, 0, "silhouettes"))[: self.images]
         fits: list[Fitted] = []
         for number in range(self.tries):
@@ -87,21 +90,21 @@ class MeanShapeStart:
             if self.mirror:
                 turned = quarter_turn(fits[-1].logits[None], 1)[0]
                 fits.append(self.fit(observations, pictures[rows], turned, self.warm, seed))
-        best = max(fits, key=lambda fitted: fitted.likelihood)
+        best = max(fits, key=lambda fitted: fitted.log_likelihood)
         told = (-mismatch(pictures, observations, best.logits, seed) / self.cold).softmax(1)
         return balanced(told, self.balance)
 
     def fit(
-        self, observations: Sequence[Observation], pictures: Tensor, logits: Tensor, hot: float, seed: int
+        self, observations: Sequence[Observation], pictures: Tensor, logits: Tensor, heat: float, seed: int
     ) -> Fitted:
-        """The shape that pictures (N, 256) lead to from `logits` (X, Y, Z), with τ from `hot` to `cold`."""
+        """The shape that pictures (N, 256) lead to from `logits` (X, Y, Z), with τ from `heat` to `cold`."""
         logits = logits.clone().requires_grad_()
         adam = torch.optim.Adam([logits], 0.1, (0.8, 0.95))
         for step in range(self.iterations):
             seen = look(observations, self._symmetric(logits), generator_at(seed, step, "looks at the mean shape"))
-            heat = hot * (self.cold / hot) ** min(1.0, step / (ANNEALED * self.iterations))
+            now = heat * (self.cold / heat) ** min(1.0, step / (ANNEALED * self.iterations))
             with torch.no_grad():
-                told = balanced((-squares(pictures, seen) / heat).softmax(1), self.balance, 10)
+                told = balanced((-squares(pictures, seen) / now).softmax(1), self.balance, 10)
                 mass = told.sum(0)
                 mean = told.T @ pictures / mass.clamp_min(1e-6)[:, None]
             loss = (mass @ (seen - mean).square().sum(1)) / len(pictures)
@@ -117,10 +120,10 @@ class MeanShapeStart:
 
 
 class Fitted(NamedTuple):
-    """The logits of a shape (X, Y, Z), and the mean of log Σ_k exp(-|y - P_k(x̄)|² / τ), which the best has most of."""
+    """The logits of a shape (X, Y, Z), and the mean of log Σ_k exp(-|y - P_k(x̄)|² / τ): the best has the largest."""
 
     logits: Tensor
-    likelihood: float
+    log_likelihood: float
 
 
 def pooled(pictures: Tensor) -> Tensor:
@@ -148,6 +151,6 @@ def squares(pictures: Tensor, seen: Tensor) -> Tensor:
 
 
 def mismatch(pictures: Tensor, observations: Sequence[Observation], logits: Tensor, seed: int) -> Tensor:
-    """|y - P_k(x)|², (N, K), the mean over each view's prior."""
+    """|y - P_k(x)|², (N, K), the mean over `LOOKS` draws from each view's prior."""
     draws = [look(observations, logits, generator_at(seed, draw, "looks at the fitted shape")) for draw in range(LOOKS)]
     return torch.stack([squares(pictures, seen) for seen in draws]).mean(0)

@@ -82,8 +82,8 @@ def shapes(
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far predicted views are drawn to equal numbers from everywhere, 0 to 1; lower it if most of
             your pictures were taken from one side.
-        guess: start from the views of one mean shape, fitted to all silhouettes, not from random ones: for things that
-            are longer than they are wide, such as cars, whose views may never be told apart otherwise.
+        guess: start predicted views from those of one mean shape, fitted to all silhouettes, not from random ones: for
+            things like cars, much longer than wide, whose views may never be told apart otherwise; chairs suffer.
         mirror: make only shapes that are symmetric left to right, as most things are; turn it off for others.
         precision: of the networks.
         compile: use torch.compile.
