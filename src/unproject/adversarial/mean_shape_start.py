@@ -31,7 +31,7 @@ LOOKS = 8  # draws of each view that a fitted shape's squared errors are the mea
 
 @dataclass(frozen=True)
 class MeanShapeStart:
-    """y = P_k(x̄) + ε for one shape x̄, views about as frequent: p(k | y) ∝ exp(-|y - P_k(x̄)|² / τ), by annealed EM.
+    """y = P_k(x̄) + ε for one shape x̄, no view rare: p(k | y) ∝ exp(-|y - P_k(x̄)|² / τ), by annealed EM.
 
     Each iteration tells the silhouettes' views by the shape as it is, and brings what the shape looks like in each view
     nearer to the mean of the silhouettes told so, by a step of Adam on its logits. τ falls from `hot` to `cold`, evenly
