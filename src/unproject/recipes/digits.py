@@ -114,6 +114,8 @@ def digits_paper(
     channels: int = 512,
     judge: int = 64,
     clusters: int | None = None,
+    predictor_steps: int = 100_000,
+    predictor_images: int = 65_536,
     checkpoint_every: int = 500,
 ) -> Recipe:
     """Images from line integrals with the choices of the paper's Part I: spectral norm, WGAN-GP, five rounds.
@@ -134,6 +136,8 @@ def digits_paper(
         channels: of the generator's 4² level.
         judge: channels of the discriminator's first level.
         clusters: discriminator heads by k-means of the predicted directions.
+        predictor_steps: of the view predictor, in each of four rounds.
+        predictor_images: line integrals of generated images that it is trained with, each round.
         checkpoint_every: steps between checkpoints.
     """
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
@@ -141,7 +145,7 @@ def digits_paper(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=judge, spectral=True, slope=0.1),
         looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
-        assignment=paper_assignment(views, 20_000, clusters),
+        assignment=paper_assignment(views, predictor_steps, clusters, images=predictor_images),
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
         generator_optimiser=adam,
