@@ -67,6 +67,14 @@ class Records:
     def __len__(self) -> int:
         return len(self.items)
 
+    def batch(self, rows: Tensor) -> Tensor:
+        """Return the items of these rows, (B, ...) float32."""
+        return self.items[rows].float()
+
+    def floats(self) -> Tensor:
+        """Return all items, (N, ...) float32."""
+        return self.items.float()
+
     def subset(self, rows: Tensor | Sequence[int] | slice) -> Self:
         """The records of these rows, in this order."""
         index = torch.arange(len(self))[rows]

@@ -195,6 +195,11 @@ def _labelled(picture: np.ndarray, size: int, columns: Sequence[str], rows: Sequ
     return sheet
 
 
+def save_image(picture: Image.Image, path: str | PathLike[str]) -> None:
+    """Write a picture by the suffix of its path, whole or not at all."""
+    _kept(picture, path)
+
+
 def _kept(picture: Image.Image, path: str | PathLike[str] | None) -> Image.Image:
     if path is not None:
         content = io.BytesIO()

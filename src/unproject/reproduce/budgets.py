@@ -18,18 +18,18 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         "shapes-paper": {
             "size": 32,
             "channels": 32,
-            "judge": 16,
+            "discriminator_channels": 16,
             "batch": 8,
             "predictor_steps": 200,
             "predictor_images": 2048,
             "minutes": MINUTES,
         },
         "digits": {"size": 32, "minutes": MINUTES},
-        "digits-paper": {"size": 32, "channels": 128, "judge": 16, "minutes": MINUTES},
+        "digits-paper": {"size": 32, "channels": 128, "discriminator_channels": 16, "minutes": MINUTES},
         **dict.fromkeys(("wood", "metal", "plastic", "correlated"), {"size": 64, "steps": STEPS}),
         **dict.fromkeys(
             ("wood-paper", "metal-paper", "plastic-paper"),
-            {"size": 64, "channels": 128, "judge": 16, "batch": 16, "samples": 8, "minutes": MINUTES},
+            {"size": 64, "channels": 128, "discriminator_channels": 16, "batch": 16, "samples": 8, "minutes": MINUTES},
         ),
     },
     "gpu": {

@@ -13,7 +13,7 @@ BIRD_PHOTOGRAPHS = Arm("birds-photographs", "shapes", "birds-photographs", "297 
 CHAIR_PHOTOGRAPHS = Arm("chairs-photographs", "shapes", "chairs-photographs", "100 cut-out product photographs", FEW)
 
 
-GUESS = {"guess": True}
+GUESS = {"init_views": True}
 GUESSED = ("cars",)
 GUESSED_BECAUSE = (
     "Predicted views of this project's cars start from a first guess, one mean shape fitted to all silhouettes; all "

@@ -20,7 +20,7 @@ WOOD_NATURAL = Arm(
     "wood",
     "wood",
     "500 of each map, 250 each from the top and grazing under natural light",
-    {"looks": (*MAPS, "top", "grazing")},
+    {"observations": (*MAPS, "top", "grazing")},
 )
 WOOD_PAPER = Arm(
     "wood-multi-paper", "wood-paper", "wood", "500 of each map, 250 each from the top and grazing, the paper's recipe"
@@ -102,7 +102,7 @@ MATERIALS: tuple[Figure, ...] = (
         "normal) and (specular, roughness): correlations and their absence are modelled accurately.",
         arms=(
             WOOD,
-            Arm("wood-selections", "wood", "wood", "500 of each map alone", {"looks": tuple(MAPS)}),
+            Arm("wood-selections", "wood", "wood", "500 of each map alone", {"observations": tuple(MAPS)}),
             Arm(
                 "correlated",
                 "correlated",
@@ -156,7 +156,7 @@ MATERIALS: tuple[Figure, ...] = (
                 "wood",
                 "wood",
                 "no maps; 6000 each under flash, lamp, natural and constant light",
-                {"looks": LIGHTS, "renderings": 6000},
+                {"observations": LIGHTS, "renderings": 6000},
             ),
             WOOD,
         ),

@@ -34,9 +34,10 @@ from ..data import (
     read_probes,
 )
 from ..data.voxelise import normalised, voxelise
+from ..domains import BUILT_IN, Domain
 from ..export.materials import to_srgb
 from ..ops.maps import MAPS
-from ..recipes.materials import WORLDS, way_of
+from ..recipes.materials import PROCEDURAL, observation_of
 
 SHAPES, HELD_OUT, MATERIALS = 1000, 512, 500
 UNSEEN = 2**41
@@ -120,6 +121,7 @@ class Source:
     reference: Draw
     others: Draw | None = None
     real: bool = False
+    domain: Domain = BUILT_IN["volumes"]
 
 
 def built_in(place: Place) -> Flags:
@@ -196,7 +198,7 @@ def car_volumes(place: Place) -> Path:
 
 def world(name: str) -> Source:
     """A procedural world of materials."""
-    return Source(built_in, *two_draws(lambda place: partial(_of_world, name, place.size)))
+    return Source(built_in, *two_draws(lambda place: partial(_of_world, name, place.size)), domain=BUILT_IN["maps"])
 
 
 Materials = Callable[[int, int], Tensor]
@@ -208,7 +210,7 @@ def two_draws(materials: Callable[[Place], Materials]) -> tuple[Draw, Draw]:
 
 
 def _of_world(name: str, size: int, count: int, seed: int) -> Tensor:
-    return WORLDS[name](count, size, seed)
+    return PROCEDURAL[name](count, size, seed)
 
 
 def photographed(name: str, real: bool = False) -> Source:
@@ -232,7 +234,7 @@ def photographed(name: str, real: bool = False) -> Source:
         pictures = place.once(f"pictures-{name}-{lit}-light-{place.size}", make)
         return {"data": pictures, "probes": place.once(f"probes-{lit}", lambda path: _save_probes(path, ours))}
 
-    return Source(data, *two_draws(partial(_materials, name)), real=name in SETS)
+    return Source(data, *two_draws(partial(_materials, name)), real=name in SETS, domain=BUILT_IN["maps"])
 
 
 def _probes(place: Place, real: bool) -> tuple[Tensor, Tensor]:
@@ -248,7 +250,7 @@ def _save_probes(folder: Path, probes: Tensor) -> None:
 
 
 def _materials(name: str, place: Place) -> Materials:
-    if name in WORLDS:
+    if name in PROCEDURAL:
         return partial(_of_world, name, place.size)
     sets = read_materials(place.real(f"materials/svbrdf/{SETS[name]}"), 4 * place.size)[0]
     turn = 0.1 if SETS[name] == "wood" else math.pi  # grain goes up and down
@@ -267,7 +269,7 @@ def _photograph(folder: Path, name: str, things: Materials, light: Tensor) -> No
     for k, one in enumerate(MAPS):
         _write(folder / one, encoded[one](things(maps, PICTURES + k)[:, MAPS[one]]))
     for k, look in enumerate(("top", "grazing")):
-        seen = observe(things(renderings, PICTURES + 10 + k), [way_of(look, light, 64)], seed=k)
+        seen = observe(things(renderings, PICTURES + 10 + k), [observation_of(look, light, 64)], seed=k)
         _write(folder / look, seen.items)
 
 
@@ -301,8 +303,13 @@ SOURCES: dict[str, Source] = {
         lambda place: read(car_volumes(place), size=place.size).items,
         real=True,
     ),
-    "digits": Source(built_in, lambda place: digits(place.size, held_out=True), lambda place: digits(place.size)),
-    "mnist": Source(mnist_flags, mnist("t10k"), mnist("train"), real=True),
+    "digits": Source(
+        built_in,
+        lambda place: digits(place.size, held_out=True),
+        lambda place: digits(place.size),
+        domain=BUILT_IN["images"],
+    ),
+    "mnist": Source(mnist_flags, mnist("t10k"), mnist("train"), real=True, domain=BUILT_IN["images"]),
     **{name: world(name) for name in ("wood", "correlated")},
     **{name: photographed(name) for name in ("metal", "plastic")},
     **{f"{name}-real": photographed(name, real=True) for name in ("metal", "plastic")},

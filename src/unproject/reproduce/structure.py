@@ -10,13 +10,12 @@ from torch import Tensor, nn
 from torch.nn.utils.parametrize import is_parametrized
 
 from .._random import generator_at
-from ..adversarial.assignment import Predicted
+from ..assignment import Predicted
 from ..recipes import find
-from ..training.panel import build_panels
-from ..training.recipe import Recipe
+from ..training import Recipe
 
 STRUCTURES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
-    "fig1": ("shapes-paper", {"looks_per_shape": 1}),
+    "fig1": ("shapes-paper", {"views_per_shape": 1}),
     "fig6": ("wood-paper", {"maps": 2, "renderings": 2}),
 }
 """Figure → recipe and flags; these only make its collections small."""
@@ -34,13 +33,15 @@ def tables(recipe: Recipe) -> dict[str, str]:
     """Network → its layers, one a line."""
     generator = recipe.generator().eval()
     found = {"generator": layers(generator, lambda: generator(generator.draw(2, generator_at(0))))}
-    for panel in build_panels(recipe):
+    for panel in recipe.panels:
         name = f"discriminator of {', '.join(dict.fromkeys(_kind(o.name) for o in panel.observations))}"
-        heads = f", {len(panel.observations)} heads" if len(panel.observations) > 1 else ""
+        count = panel.assignment.heads(panel)
         images, head = torch.zeros(2, *panel.shape), torch.zeros(2, dtype=torch.long)
-        found[name + heads] = layers(panel.discriminator.eval(), lambda d=panel.discriminator: d(images, head))  # noqa: B023
-        if isinstance(recipe.assignment, Predicted):
-            predictor = recipe.assignment.predictor(panel.shape, len(panel.observations)).eval()
+        discriminator = recipe.discriminator(panel.shape, count).eval()
+        heads = f", {count} heads" if count > 1 else ""
+        found[name + heads] = layers(discriminator, lambda d=discriminator: d(images, head))  # noqa: B023
+        if isinstance(panel.assignment, Predicted):
+            predictor = panel.assignment.fit.network(panel.shape, len(panel.observations)).eval()
             found["view predictor"] = layers(predictor, lambda: predictor(images))  # noqa: B023
     return found
 

@@ -1,8 +1,8 @@
-"""A first guess at the views of silhouettes: the one shape that explains them all best.
+"""Initial views of silhouettes, from the one shape that explains them all best.
 
-A generator and a view predictor that know nothing can agree on shapes that look the same from every side: wide ones
-for wide silhouettes, narrow ones for narrow silhouettes, and no view will ever be told apart. What all silhouettes
-together say of their mean is enough to tell front from side, and needs no network.
+An untrained generator and an untrained view predictor can agree on shapes that look the same from every side: wide ones
+for wide silhouettes and narrow ones for narrow silhouettes, so that views stay indistinguishable. The mean silhouettes
+are enough to distinguish front from side, and need no network.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ from .._types import UserError
 from ..ops.rotation import quarter_turn
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
-from .assignment import balanced
+from .responsibilities import balanced
 
 SIDE = 16  # voxels of the shape, and pixels of what is compared
 REACH = 0.6  # radius of the ball that it starts as, in half widths of the volume
 UNEVEN = 0.1  # deviation of its logits at the start: what makes one try differ from another
 ANNEALED = 0.8  # part of the iterations after which the temperature stays
-LOOKS = 8  # draws of each view that a fitted shape's squared errors are the mean of
+DRAWS = 8  # of each view's prior, over which a fitted shape's squared errors are averaged
 
 
 @dataclass(frozen=True)
-class MeanShapeStart:
+class MeanShapeInitialiser:
     """y = P_k(x̄) + ε for one shape x̄, no view rare: p(k | y) ∝ exp(-|y - P_k(x̄)|² / τ), by annealed EM.
 
-    Each iteration tells the silhouettes' views by the shape as it is, and brings what the shape looks like in each view
-    nearer to the mean of the silhouettes told so, by a step of Adam on its logits. τ falls from `hot` to `cold`, evenly
-    in its logarithm. The shape that explains most, of several that start as uneven balls, is taken. With `mirror` each
-    is also fitted from where a quarter turn brings it, with τ from `warm`: a long thing may lie along the plane of its
-    symmetry or across it, and which is seen late.
+    Each iteration computes responsibilities from the current shape (E), and moves the shape's projection in each view
+    towards the mean of the silhouettes weighted by them, by a step of Adam on its logits (M). τ falls from `hot` to
+    `cold`, evenly in its logarithm. Several fits start from uneven balls, and the likeliest is kept. With `mirror` each
+    is also fitted from its quarter turn, with τ from `warm`: an elongated shape may lie along the plane of symmetry or
+    across it, and the difference shows late.
 
     Args:
-        mirror: the shape is symmetric left to right. Set it as the generator's is: views that are found without it may
-            be turned against the plane of symmetry of a generator that mirrors.
-        images: that the shape is fitted to; the others are told their probabilities.
+        mirror: the shape is symmetric left to right. Set it as the generator's is, so that views agree with its
+            plane of symmetry.
+        images: how many the shape is fitted to; the others get their responsibilities from it.
         tries: balls to start from.
         iterations: of each fit.
         hot, warm, cold: τ at the start, after a quarter turn, and at the end, in pixels of silhouettes 16 pixels a
             side. Neighbouring pixels err together, so it is far above twice the variance of one.
-        balance: how far views are drawn to equal numbers, 0 (not) to 1.
+        balance: how far the view distribution is moved to the uniform one, 0 (not) to 1.
 
     Level views of 32² take some eight seconds of one core; tilted ones, which have no fast path, twelve times as long.
 
@@ -73,14 +73,16 @@ class MeanShapeStart:
             )
 
     def __call__(self, observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
-        """p(k | y), (N, ways), of square silhouettes (N, 1, D, D), on the CPU.
+        """Return p(k | y), (N, K), of square silhouettes (N, 1, D, D), on the CPU.
 
         Raises:
             UserError: if these are not silhouettes.
         """
         silhouettes = items.dim() == 4 and items.shape[1] == 1 and items.shape[2] == items.shape[3]
         if not silhouettes or "azimuth" not in observations[0].prior.names:
-            raise UserError("MeanShapeStart: takes silhouettes from different sides; leave it out here")
+            raise UserError(
+                "MeanShapeInitialiser: takes silhouettes from different sides; use another initialiser, or none"
+            )
         pictures = pooled(items.cpu().float())
         rows = torch.randperm(len(pictures), generator=generator_at(seed, 0, "silhouettes"))[: self.images]
         fits: list[Fitted] = []
@@ -91,22 +93,23 @@ class MeanShapeStart:
                 turned = quarter_turn(fits[-1].logits[None], 1)[0]
                 fits.append(self.fit(observations, pictures[rows], turned, self.warm, seed))
         best = max(fits, key=lambda fitted: fitted.log_likelihood)
-        told = (-mismatch(pictures, observations, best.logits, seed) / self.cold).softmax(1)
-        return balanced(told, self.balance)
+        responsibilities = (-mismatch(pictures, observations, best.logits, seed) / self.cold).softmax(1)
+        return balanced(responsibilities, self.balance)
 
     def fit(
         self, observations: Sequence[Observation], pictures: Tensor, logits: Tensor, heat: float, seed: int
     ) -> Fitted:
-        """The shape that pictures (N, 256) lead to from `logits` (X, Y, Z), with τ from `heat` to `cold`."""
+        """Fit a shape to pictures (N, 256) from `logits` (X, Y, Z), with τ from `heat` to `cold`."""
         logits = logits.clone().requires_grad_()
         adam = torch.optim.Adam([logits], 0.1, (0.8, 0.95))
         for step in range(self.iterations):
-            seen = look(observations, self._symmetric(logits), generator_at(seed, step, "looks at the mean shape"))
+            rng = generator_at(seed, step, "looks at the mean shape")
+            seen = projections(observations, self._symmetric(logits), rng)
             now = heat * (self.cold / heat) ** min(1.0, step / (ANNEALED * self.iterations))
             with torch.no_grad():
-                told = balanced((-squares(pictures, seen) / now).softmax(1), self.balance, 10)
-                mass = told.sum(0)
-                mean = told.T @ pictures / mass.clamp_min(1e-6)[:, None]
+                responsibilities = balanced((-squares(pictures, seen) / now).softmax(1), self.balance, 10)
+                mass = responsibilities.sum(0)
+                mean = responsibilities.T @ pictures / mass.clamp_min(1e-6)[:, None]
             loss = (mass @ (seen - mean).square().sum(1)) / len(pictures)
             adam.zero_grad()
             loss.backward()
@@ -127,30 +130,33 @@ class Fitted(NamedTuple):
 
 
 def pooled(pictures: Tensor) -> Tensor:
-    """(N, 1, H, W) brought to 16 pixels a side, flat: (N, 256)."""
+    """Return pictures (N, 1, H, W) at 16 pixels a side, flattened: (N, 256)."""
     return F.adaptive_avg_pool2d(pictures, SIDE).flatten(1)
 
 
 def uneven_ball(rng: torch.Generator) -> Tensor:
-    """Logits (X, Y, Z) of a soft ball in the middle, a little uneven."""
+    """Return the logits (X, Y, Z) of a soft, slightly uneven ball in the middle."""
     middles = (torch.arange(SIDE) + 0.5) / SIDE * 2 - 1
     squared = sum(axis.square() for axis in torch.meshgrid(middles, middles, middles, indexing="ij"))
     return 8 * (REACH**2 - squared) + UNEVEN * torch.randn(SIDE, SIDE, SIDE, generator=rng)
 
 
-def look(observations: Sequence[Observation], logits: Tensor, rng: torch.Generator) -> Tensor:
-    """What the shape of these logits (X, Y, Z) looks like once in every view, (K, 256)."""
-    ways = torch.arange(len(observations))
-    theta = sample_each([way.prior for way in observations], ways, rng)
-    return pooled(observations[0].projection(logits.sigmoid().expand(len(ways), -1, -1, -1), **theta))
+def projections(observations: Sequence[Observation], logits: Tensor, rng: torch.Generator) -> Tensor:
+    """Return one projection of the shape of these logits (X, Y, Z) in every view, (K, 256)."""
+    views = torch.arange(len(observations))
+    theta = sample_each([observation.prior for observation in observations], views, rng)
+    return pooled(observations[0].projection(logits.sigmoid().expand(len(views), -1, -1, -1), **theta))
 
 
 def squares(pictures: Tensor, seen: Tensor) -> Tensor:
-    """|y_n - s_k|², (N, K)."""
+    """Return |y_n - s_k|², (N, K)."""
     return pictures.square().sum(1)[:, None] - 2 * pictures @ seen.T + seen.square().sum(1)
 
 
 def mismatch(pictures: Tensor, observations: Sequence[Observation], logits: Tensor, seed: int) -> Tensor:
-    """|y - P_k(x)|², (N, K), the mean over `LOOKS` draws from each view's prior."""
-    draws = [look(observations, logits, generator_at(seed, draw, "looks at the fitted shape")) for draw in range(LOOKS)]
+    """Return |y - P_k(x)|², (N, K), averaged over `DRAWS` draws from each view's prior."""
+    draws = [
+        projections(observations, logits, generator_at(seed, draw, "looks at the fitted shape"))
+        for draw in range(DRAWS)
+    ]
     return torch.stack([squares(pictures, seen) for seen in draws]).mean(0)
