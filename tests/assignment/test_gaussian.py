@@ -1,4 +1,4 @@
-"""The Gaussian behind the lines: its formulas against torch's, EM's law, and directions that nobody told it."""
+"""The Gaussian behind the lines: its formulas against torch's, EM's law, and directions that are unknown to it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from torch.distributions import MultivariateNormal
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.adversarial.gaussian_start import (
+from unproject.assignment.gaussian import (
     Expectation,
-    GaussianStart,
+    GaussianInitialiser,
     blob_centres,
-    blob_looks,
+    blob_projections,
     expect,
     fit,
     isotropic,
@@ -32,8 +32,8 @@ AROUND = directions(WAYS, 0.02, whole=True)
 
 
 @pytest.fixture(scope="module")
-def looks() -> Tensor:
-    return blob_looks(AROUND, SIZE, seed=0)
+def ops() -> Tensor:
+    return blob_projections(AROUND, SIZE, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -44,30 +44,30 @@ def measured() -> tuple[Tensor, Tensor]:
     return seen.items, seen.latents["look"].long()
 
 
-def test_half_a_turn_takes_each_blob_to_its_opposite(looks: Tensor) -> None:
+def test_half_a_turn_takes_each_blob_to_its_opposite(ops: Tensor) -> None:
     centres = blob_centres(SIZE)
     turned = opposite(len(centres))
     torch.testing.assert_close(centres[turned], -centres)
     # ... which a direction sees as the opposite direction, and that one reads it backwards.
-    torch.testing.assert_close(looks[:WAYS][:, :, turned], looks[:WAYS].flip(1), atol=1e-5, rtol=0)
-    torch.testing.assert_close(looks[WAYS:], looks[:WAYS].flip(1), atol=1e-5, rtol=0)
+    torch.testing.assert_close(ops[:WAYS][:, :, turned], ops[:WAYS].flip(1), atol=1e-5, rtol=0)
+    torch.testing.assert_close(ops[WAYS:], ops[:WAYS].flip(1), atol=1e-5, rtol=0)
 
 
-def test_log_likelihood_is_that_of_the_normal_distribution(looks: Tensor, measured: tuple[Tensor, Tensor]) -> None:
+def test_log_likelihood_is_that_of_the_normal_distribution(ops: Tensor, measured: tuple[Tensor, Tensor]) -> None:
     lines = measured[0][:50, 0]
-    images = isotropic(looks, lines, 0.1, seed=0)
-    found = expect(lines, looks, images).log_likelihood
+    images = isotropic(ops, lines, 0.1, seed=0)
+    found = expect(lines, ops, images).log_likelihood
     for k in (0, 5):
-        covariance = looks[k] @ images.covariance @ looks[k].T + 0.1**2 * torch.eye(SIZE)
-        normal = MultivariateNormal(looks[k] @ images.mean, covariance)
+        covariance = ops[k] @ images.covariance @ ops[k].T + 0.1**2 * torch.eye(SIZE)
+        normal = MultivariateNormal(ops[k] @ images.mean, covariance)
         constant = SIZE / 2 * math.log(2 * math.pi)
         torch.testing.assert_close(found[:, k].double(), normal.log_prob(lines.double()) + constant, atol=1e-3, rtol=0)
 
 
-def test_a_step_is_the_mean_and_covariance_of_the_posteriors(looks: Tensor, measured: tuple[Tensor, Tensor]) -> None:
+def test_a_step_is_the_mean_and_covariance_of_the_posteriors(ops: Tensor, measured: tuple[Tensor, Tensor]) -> None:
     """Line by line and direction by direction, by Bayes' rule for Gaussians in information form."""
     lines = measured[0][:7, 0]
-    some = looks[:2]
+    some = ops[:2]
     images = isotropic(some, lines, 0.1, seed=1)
     weights = torch.rand(7, 2, generator=generator_at(0))
     weights = weights / weights.sum(1, keepdim=True)
@@ -90,35 +90,35 @@ def test_a_step_is_the_mean_and_covariance_of_the_posteriors(looks: Tensor, meas
     torch.testing.assert_close(got.covariance, spread, atol=1e-4 * scale, rtol=0)
 
 
-def test_likelihood_never_falls_while_directions_stay(looks: Tensor, measured: tuple[Tensor, Tensor]) -> None:
+def test_likelihood_never_falls_while_directions_stay(ops: Tensor, measured: tuple[Tensor, Tensor]) -> None:
     lines, true = measured[0][:400, 0], measured[1][:400]
-    ways = torch.nn.functional.one_hot(true, WAYS).float()
-    images = isotropic(looks[:WAYS], lines, 0.03, seed=0)
+    views = torch.nn.functional.one_hot(true, WAYS).float()
+    images = isotropic(ops[:WAYS], lines, 0.03, seed=0)
     last = -math.inf
     for _ in range(12):
-        likelihood = float((ways * expect(lines, looks[:WAYS], images).log_likelihood).sum())
+        likelihood = float((views * expect(lines, ops[:WAYS], images).log_likelihood).sum())
         assert likelihood > last
         last = likelihood
-        images, _ = fit(lines, looks[:WAYS], images, 1, ways=ways)
+        images, _ = fit(lines, ops[:WAYS], images, 1, views=views)
 
 
-def test_even_images_do_not_tell_a_line_from_itself_backwards(looks: Tensor, measured: tuple[Tensor, Tensor]) -> None:
+def test_even_images_do_not_tell_a_line_from_itself_backwards(ops: Tensor, measured: tuple[Tensor, Tensor]) -> None:
     lines = measured[0][:300, 0]
-    images, _ = fit(lines, looks[:WAYS], isotropic(looks, lines, 0.05, seed=0), 5, heat=5.0, even=True)
-    found: Expectation = expect(lines, looks[:WAYS], images)
-    backwards = expect(lines.flip(1), looks[:WAYS], images)
+    images, _ = fit(lines, ops[:WAYS], isotropic(ops, lines, 0.05, seed=0), 5, heat=5.0, even=True)
+    found: Expectation = expect(lines, ops[:WAYS], images)
+    backwards = expect(lines.flip(1), ops[:WAYS], images)
     torch.testing.assert_close(found.log_likelihood, backwards.log_likelihood, atol=0.01, rtol=0)
-    odd, _ = fit(lines, looks[:WAYS], images, 5)
-    gap = expect(lines, looks[:WAYS], odd).log_likelihood - expect(lines.flip(1), looks[:WAYS], odd).log_likelihood
+    odd, _ = fit(lines, ops[:WAYS], images, 5)
+    gap = expect(lines, ops[:WAYS], odd).log_likelihood - expect(lines.flip(1), ops[:WAYS], odd).log_likelihood
     assert float(gap.abs().max()) > 1
 
 
-def test_directions_of_digits_are_guessed() -> None:
+def test_directions_of_digits_are_initialised() -> None:
     seen = observe(Collection(digits(32)[:1500]), AROUND[:WAYS], 1, seed=3)
     assert seen.latents is not None
     items, true = seen.items, seen.latents["look"].long()
-    guess = GaussianStart(lines=1000, annealed=120, free=20, heat=20.0)
-    odds = guess(AROUND, items, seed=0)
+    initialiser = GaussianInitialiser(lines=1000, annealed=120, free=20, heat=20.0)
+    odds = initialiser(AROUND, items, seed=0)
     taken = odds.sum(0) > 0
     assert odds.shape == (1500, 2 * WAYS) and torch.allclose(odds.sum(1), torch.ones(1500), atol=1e-4)
     assert int(taken.sum()) == WAYS and int((taken != taken.roll(1)).sum()) == 2  # one run of them
@@ -126,13 +126,13 @@ def test_directions_of_digits_are_guessed() -> None:
     torch.testing.assert_close(shares, torch.full((WAYS,), 1 / WAYS), atol=0.02, rtol=0)
     within = view_accuracy(odds.argmax(1) % WAYS, true, WAYS, half=True)
     assert within.exact > 1.6 * within.chance_exact and within.within_one > 0.65
-    assert torch.equal(odds, guess(AROUND, items, seed=0))
+    assert torch.equal(odds, initialiser(AROUND, items, seed=0))
 
 
 def test_what_are_no_lines_around_a_whole_turn_is_refused(measured: tuple[Tensor, Tensor]) -> None:
-    with pytest.raises(UserError, match="whole turn"):
-        GaussianStart()(AROUND[:5], measured[0], 0)
+    with pytest.raises(UserError, match="around a turn"):
+        GaussianInitialiser()(AROUND[:5], measured[0], 0)
     with pytest.raises(UserError, match="line integrals"):
-        GaussianStart()(azimuth_bins(4, Silhouette()), torch.zeros(4, 1, 8, 8), 0)
+        GaussianInitialiser()(azimuth_bins(4, Silhouette()), torch.zeros(4, 1, 8, 8), 0)
     with pytest.raises(UserError, match="at least 1"):
-        GaussianStart(lines=0)
+        GaussianInitialiser(lines=0)

@@ -1,4 +1,4 @@
-"""The mean shape behind the silhouettes: views that nobody told it, along the plane of symmetry and not across it."""
+"""The mean shape behind the silhouettes: unknown views, along the plane of symmetry and not across it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from torch import Tensor
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.adversarial.mean_shape_start import MeanShapeStart, look, mismatch, pooled, squares, uneven_ball
+from unproject.assignment.mean_shape import (
+    MeanShapeInitialiser,
+    mismatch,
+    pooled,
+    projections,
+    squares,
+    uneven_ball,
+)
 from unproject.data import Collection, birds, cars, chairs, observe
 from unproject.metrics import view_accuracy
 from unproject.ops.rotation import quarter_turn
@@ -20,7 +27,7 @@ from unproject.projections.silhouette import Silhouette, azimuth_bins
 
 VIEWS = 8
 AROUND = azimuth_bins(VIEWS, Silhouette(size=16, rule="absorption", density=2.0))
-QUICK = MeanShapeStart(mirror=True, images=400, tries=1, iterations=150)
+QUICK = MeanShapeInitialiser(mirror=True, images=400, tries=1, iterations=150)
 
 
 def seen(make: Callable[..., Tensor], seed: int = 3) -> tuple[Tensor, Tensor]:
@@ -33,7 +40,7 @@ def seen(make: Callable[..., Tensor], seed: int = 3) -> tuple[Tensor, Tensor]:
 @pytest.mark.parametrize(
     ("make", "least"), [(chairs, 0.45), (birds, 0.4), (cars, 0.3)], ids=["chairs", "birds", "cars"]
 )
-def test_views_are_guessed_and_the_plane_of_symmetry_is_found(make: Callable[..., Tensor], least: float) -> None:
+def test_views_are_initialised_and_the_plane_of_symmetry_is_found(make: Callable[..., Tensor], least: float) -> None:
     items, true = seen(make)
     odds = QUICK(AROUND, items, seed=0)
     torch.testing.assert_close(odds.sum(1), torch.ones(600), atol=1e-4, rtol=0)
@@ -43,7 +50,7 @@ def test_views_are_guessed_and_the_plane_of_symmetry_is_found(make: Callable[...
     assert found.gauge.turn % (VIEWS // 2) == 0, "lies across the plane of symmetry"
 
 
-def test_a_guess_is_of_its_seed() -> None:
+def test_initial_views_are_a_function_of_the_seed() -> None:
     items, _ = seen(chairs)
     hasty = replace(QUICK, iterations=5)
     odds = hasty(AROUND, items, seed=0)
@@ -51,7 +58,7 @@ def test_a_guess_is_of_its_seed() -> None:
     assert not torch.equal(odds, hasty(AROUND, items, seed=1))
 
 
-def test_a_long_thing_that_lies_across_the_plane_of_symmetry_explains_less() -> None:
+def test_an_elongated_shape_that_lies_across_the_plane_of_symmetry_explains_less() -> None:
     items, true = seen(cars)
     pictures = pooled(items)
     across = QUICK.fit(AROUND, pictures, uneven_ball(generator_at(0)), QUICK.hot, 0)
@@ -75,24 +82,24 @@ def test_a_fit_explains_more_than_its_start_and_is_symmetric() -> None:
 
 def test_mismatch_is_the_mean_square_over_each_views_prior() -> None:
     pictures, logits = pooled(torch.rand(5, 1, 32, 32, generator=generator_at(1))), uneven_ball(generator_at(0))
-    there = look(AROUND, logits, generator_at(2))
+    there = projections(AROUND, logits, generator_at(2))
     assert there.shape == (VIEWS, 256)
     every = torch.stack([torch.stack([(y - s).square().sum() for s in there]) for y in pictures])
     torch.testing.assert_close(squares(pictures, there), every)
-    draws = [look(AROUND, logits, generator_at(7, draw, "looks at the fitted shape")) for draw in range(8)]
+    draws = [projections(AROUND, logits, generator_at(7, draw, "looks at the fitted shape")) for draw in range(8)]
     assert not torch.allclose(draws[0], draws[1], atol=1e-3)
     torch.testing.assert_close(mismatch(pictures, AROUND, logits, 7), sum(squares(pictures, s) for s in draws) / 8)
 
 
 def test_what_are_no_silhouettes_is_refused() -> None:
     with pytest.raises(UserError, match="takes silhouettes"):
-        MeanShapeStart()(directions(4, 0.02), torch.zeros(4, 1, 16), 0)
+        MeanShapeInitialiser()(directions(4, 0.02), torch.zeros(4, 1, 16), 0)
     with pytest.raises(UserError, match="takes silhouettes"):
-        MeanShapeStart()(directions(4, 0.02), torch.zeros(4, 1, 16, 16), 0)
+        MeanShapeInitialiser()(directions(4, 0.02), torch.zeros(4, 1, 16, 16), 0)
     with pytest.raises(UserError, match="takes silhouettes"):
-        MeanShapeStart()(AROUND, torch.zeros(4, 1, 16, 32), 0)
+        MeanShapeInitialiser()(AROUND, torch.zeros(4, 1, 16, 32), 0)
     with pytest.raises(UserError, match="takes silhouettes"):
-        MeanShapeStart()(AROUND, torch.zeros(4, 3, 16, 16), 0)
+        MeanShapeInitialiser()(AROUND, torch.zeros(4, 3, 16, 16), 0)
     for wrong in ({"images": 0}, {"cold": 0.0}, {"warm": 99.0}, {"balance": 1.5}):
         with pytest.raises(UserError, match="at least 1 image"):
-            MeanShapeStart(**wrong)
+            MeanShapeInitialiser(**wrong)

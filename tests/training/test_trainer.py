@@ -1,10 +1,10 @@
-"""The loop: a step is a function of (seed, step), and every configuration goes through the same one."""
+"""The trainer: a step is a function of (seed, step), and every configuration goes through the same one."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,22 +13,22 @@ import pytest
 import torch
 from comparing import differences, final, stats
 from torch import Tensor
-from toy import BINS, CHAIRS, SIZE, Layer, toy
+from toy import BINS, CHAIRS, SIZE, Layer, toy, with_predicted
 
 from unproject._types import UserError
-from unproject.adversarial.assignment import Predicted
 from unproject.adversarial.augmentation import Augmentation
 from unproject.adversarial.penalties import GradientPenalty
+from unproject.assignment import Panel, PredictedState, PredictorFit
+from unproject.domains import Domain
 from unproject.networks import Discriminator, LowRankGenerator
 from unproject.projections.observation import Observation
 from unproject.recipes import shapes as shapes_module
 from unproject.recipes.shapes import shapes, shapes_paper
-from unproject.training import Adam, Recipe, load, loop, train
+from unproject.training import Adam, Recipe, load, resume, train
 from unproject.training.distribution import Distribution
-from unproject.training.loop import Loop
-from unproject.training.panel import Panel
 from unproject.training.recorder import Recorder
-from unproject.training.state import State
+from unproject.training.state import PanelState, State
+from unproject.training.trainer import Trainer, TrainingContext
 
 VIEWS = ("predicted", "known", "single", "direct")
 
@@ -66,13 +66,14 @@ def test_every_update_draws_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
         monkeypatch.setattr(owner, name, call)
 
-    noted(Panel, "look")
+    noted(Panel, "project")
     noted(LowRankGenerator, "draw")
     noted(GradientPenalty, "__call__")
     rows: list[tuple[int, ...]] = []
-    taken = Panel.rows
-    monkeypatch.setattr(Panel, "rows", lambda *a: (rows.append(tuple(taken(*a).tolist())), taken(*a))[1])
-    monkeypatch.setattr(loop, "save_samples", lambda generator, path: None)
+    taken = PanelState.rows
+    monkeypatch.setattr(PanelState, "rows", lambda *a: (rows.append(tuple(taken(*a).tolist())), taken(*a))[1])
+    monkeypatch.setattr(Domain, "write_preview", lambda *_: None)
+    monkeypatch.setattr(LowRankGenerator, "sample", lambda *_, **__: torch.empty(0))
     trained(tmp_path, views="known", loss="wasserstein", discriminator_steps=2)
     assert len(states) == len(set(states)) == 4 * 2 * 3
     assert len(rows) == len(set(rows)) == 8
@@ -96,20 +97,77 @@ def test_every_loss_trains(tmp_path: Path, settings: dict[str, Any]) -> None:
     assert all(p is not None for p in penalties) == (settings["loss"] == "wasserstein")
 
 
-def test_each_thing_is_looked_at_several_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two things a batch of four, each under two of the four ways of looking that the real images have."""
+def test_each_sample_is_projected_several_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two samples a batch of four, each in the views of two of the four real images."""
     seen: list[tuple[Tensor, Tensor]] = []
-    look = Panel.look
+    project = Panel.project
 
-    def noted(panel: Panel, x: Tensor, way: Tensor, rng: torch.Generator) -> Tensor:
-        seen.append((x.detach().clone(), way))
-        return look(panel, x, way, rng)
+    def noted(panel: Panel, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
+        seen.append((x.detach().clone(), views))
+        return project(panel, x, views, rng)
 
-    monkeypatch.setattr(Panel, "look", noted)
-    trained(tmp_path, views="known", batch=4, looks_each=2, steps=2)
-    for x, way in seen:
+    monkeypatch.setattr(Panel, "project", noted)
+    trained(tmp_path, views="known", batch=4, views_per_sample=2, steps=2)
+    for x, views in seen:
         assert torch.equal(x[0], x[1]) and torch.equal(x[2], x[3]) and not torch.equal(x[1], x[2])
-        assert len(way) == 4
+        assert len(views) == 4
+
+
+@pytest.mark.parametrize("views", ["known", "predicted"])
+def test_samples_are_projected_in_the_views_of_the_images_they_are_paired_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, views: str
+) -> None:
+    """Row b of a batch: the sample's view and head are those of real image b, in the discriminator's update too."""
+    projected: list[Tensor] = []
+    heads: list[Tensor] = []
+    reals: list[Tensor] = []
+    project, batch, forward = Panel.project, Panel.batch, Discriminator.forward
+    monkeypatch.setattr(Panel, "project", lambda p, x, v, rng: (projected.append(v), project(p, x, v, rng))[1])
+    monkeypatch.setattr(Panel, "batch", lambda p, rows: (reals.append(rows), batch(p, rows))[1])
+    monkeypatch.setattr(Discriminator, "forward", lambda d, y, h: (heads.append(h), forward(d, y, h))[1])
+    recipe = toy(views=views, steps=1, loss="hinge", starts=())
+    state = State(recipe, torch.device("cpu"))
+    assignment = state.panels[0].assignment
+    assignment.heads.copy_(assignment.views.flip(0))  # unlike the views, to tell them apart
+    with Recorder(tmp_path, quiet=True) as recorder:
+        Trainer(recipe, tmp_path, recorder, state, Distribution("cpu")).step()
+    (rows,), (views_of_samples,) = reals, projected
+    assert torch.equal(views_of_samples, assignment.views[rows]) and len(rows.unique()) == 4
+    assert torch.equal(heads[0], assignment.heads[rows].repeat(2)) and torch.equal(heads[1], assignment.heads[rows])
+
+
+def test_the_predictor_learns_the_views_its_images_were_projected_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not those of the bin beside, nor of another image."""
+    labelled: list[tuple[Tensor, Tensor]] = []
+    projected: list[tuple[Tensor, Tensor]] = []
+    found, project = PredictedState._labelled, Panel.project  # pyright: ignore[reportPrivateUsage]
+
+    def noted(state: PredictedState, *arguments: Any) -> tuple[Tensor, Tensor]:
+        projected.clear()
+        labelled.append(found(state, *arguments))
+        return labelled[-1]
+
+    def watched(panel: Panel, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
+        images = project(panel, x, views, rng)
+        projected.append((images.detach(), views))
+        return images
+
+    fitted: list[tuple[Tensor, Tensor]] = []
+    run = PredictorFit.run
+    monkeypatch.setattr(PredictedState, "_labelled", noted)
+    monkeypatch.setattr(Panel, "project", watched)
+    monkeypatch.setattr(PredictorFit, "run", lambda *a: (fitted.append((a[3], a[4])), run(*a))[1])
+    recipe = toy(steps=1, starts=(0.001,))
+    state = State(recipe, torch.device("cpu"))
+    with Recorder(tmp_path, quiet=True) as recorder:
+        trainer = Trainer(recipe, tmp_path, recorder, state, Distribution("cpu"))
+        state.panels[0].assignment.before_step(TrainingContext(trainer, 0.5, 0))
+    images, views = labelled[0]
+    assert torch.equal(images, torch.cat([y for y, _ in projected])[: len(images)])
+    assert torch.equal(views, torch.cat([v for _, v in projected])[: len(views)])
+    assert torch.equal(fitted[0][0], images) and torch.equal(fitted[0][1], views) and len(views.unique()) == BINS
 
 
 @dataclass(frozen=True)
@@ -123,9 +181,9 @@ def test_discriminators_see_nothing_that_is_not_augmented(tmp_path: Path, monkey
     seen: list[Tensor] = []
     forward = Discriminator.forward
 
-    def noted(judge: Discriminator, image: Tensor, head: Tensor) -> Tensor:
+    def noted(discriminator: Discriminator, image: Tensor, head: Tensor) -> Tensor:
         seen.append(image.detach().clone())
-        return forward(judge, image, head)
+        return forward(discriminator, image, head)
 
     monkeypatch.setattr(Discriminator, "forward", noted)
     recipe = replace(toy(steps=4, views="known"), augmentation=Marked())
@@ -140,68 +198,63 @@ def test_discriminators_see_nothing_that_is_not_augmented(tmp_path: Path, monkey
 def test_the_recipes_of_the_package_train(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Recipe], views: str
 ) -> None:
-    monkeypatch.setattr(shapes_module, "EMBEDDED_CHAIRS", 8)
-    recipe = make(views=views, size=16, bins=2, looks_per_shape=2, channels=8, batch=4, steps=2)
+    monkeypatch.setattr(shapes_module, "PROCEDURAL_CHAIRS", 8)
+    recipe = make(views=views, size=16, bins=2, views_per_shape=2, channels=8, batch=4, steps=2)
     assert isinstance(recipe.discriminator, partial)
     recipe = recipe.replace(discriminator=partial(recipe.discriminator, channels=4))
     if views == "predicted":
-        assert isinstance(recipe.assignment, Predicted)
-        small = {"images": 32, "steps": 1, "starts": (0.5,), "batch": 8}
-        whole = {f.name: getattr(recipe.assignment, f.name) for f in fields(recipe.assignment)}
-        recipe = recipe.replace(assignment=Predicted(**{**whole, **small}))
+        recipe = with_predicted(recipe, rounds={"starts": (0.5,)}, fit={"images": 32, "steps": 1, "batch": 8})
     assert train(recipe, tmp_path, quiet=True).step == 2
 
 
 def test_clusters_are_heads(tmp_path: Path) -> None:
     tensors = final(trained(tmp_path, clusters=3))
     assert tensors["discriminators/0.last.weight"].shape[0] == 3
-    assert set(tensors["panels/0/heads"].tolist()) <= {0, 1, 2}
-    assert set(tensors["panels/0/ways"].tolist()) <= set(range(BINS))
+    assert set(tensors["panels/0/assignment/heads"].tolist()) <= {0, 1, 2}
+    assert set(tensors["panels/0/assignment/views"].tolist()) <= set(range(BINS))
 
 
-def test_round_0_has_random_ways_and_one_head(tmp_path: Path) -> None:
+def test_round_0_has_random_views_and_one_head(tmp_path: Path) -> None:
     tensors = final(trained(tmp_path, starts=(0.99,)))
-    assert tensors["panels/0/heads"].unique().tolist() == [0]
-    assert tensors["panels/0/ways"].unique().tolist() == list(range(BINS))
+    assert tensors["panels/0/assignment/heads"].unique().tolist() == [0]
+    assert tensors["panels/0/assignment/views"].unique().tolist() == list(range(BINS))
 
 
-def test_a_first_guess_gives_ways_and_heads_before_the_first_step(tmp_path: Path) -> None:
-    def first(observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
+def test_an_initialiser_gives_views_and_heads_before_the_first_step(tmp_path: Path) -> None:
+    def initialiser(observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
         assert len(observations) == BINS and len(items) == 2 * CHAIRS
         return torch.eye(BINS)[torch.arange(len(items)) % BINS]
 
-    recipe = toy(steps=2, starts=(0.99,))
-    assert isinstance(recipe.assignment, Predicted)
-    train(recipe.replace(assignment=replace(recipe.assignment, first=first)), tmp_path, quiet=True)
+    train(with_predicted(toy(steps=2, starts=(0.99,)), initialiser=initialiser), tmp_path, quiet=True)
     tensors = final(tmp_path)
-    assert tensors["panels/0/ways"].tolist() == [n % BINS for n in range(2 * CHAIRS)]
-    assert torch.equal(tensors["panels/0/ways"], tensors["panels/0/heads"])
+    assert tensors["panels/0/assignment/views"].tolist() == [n % BINS for n in range(2 * CHAIRS)]
+    assert torch.equal(tensors["panels/0/assignment/views"], tensors["panels/0/assignment/heads"])
     noted = stats(tmp_path)[0]
-    assert noted["event"] == "guessed" and noted["ways"] == [2 * CHAIRS // BINS] * BINS
+    assert noted["event"] == "initialised" and noted["views"] == [2 * CHAIRS // BINS] * BINS
 
 
-def test_assigning_gives_every_image_the_head_of_its_way(tmp_path: Path) -> None:
+def test_assigning_gives_every_image_the_head_of_its_view(tmp_path: Path) -> None:
     tensors = final(trained(tmp_path, draw="posterior"))
-    assert torch.equal(tensors["panels/0/ways"], tensors["panels/0/heads"])
-    assert len(tensors["panels/0/ways"]) == 2 * CHAIRS
+    assert torch.equal(tensors["panels/0/assignment/views"], tensors["panels/0/assignment/heads"])
+    assert len(tensors["panels/0/assignment/views"]) == 2 * CHAIRS
 
 
 def test_restart_begins_round_1_with_fresh_networks_and_keeps_the_assignment(tmp_path: Path) -> None:
     recipe = toy(steps=4, starts=(0.25, 0.5), restart=True)
     state = State(recipe, torch.device("cpu"))
-    running = Loop(recipe, tmp_path, state, Distribution("cpu"))
-    with Recorder(tmp_path, quiet=True) as running.recorder:
-        running.advance()
+    assignment = state.panels[0].assignment
+    with Recorder(tmp_path, quiet=True) as recorder:
+        trainer = Trainer(recipe, tmp_path, recorder, state, Distribution("cpu"))
+        assert assignment.before_step(TrainingContext(trainer, 0.0, 0)) and assignment.round == 0
         before, optimiser = {k: v.clone() for k, v in state.generator.state_dict().items()}, state.generator_optimiser
-        assert isinstance(recipe.assignment, Predicted)
-        running.assign(recipe.assignment, 1)
+        assert assignment.before_step(TrainingContext(trainer, 0.3, 0)) and assignment.round == 1
         fresh = State(recipe.replace(seed=recipe.seed + 1), torch.device("cpu"))
         after = state.generator.state_dict()
         assert all(torch.equal(after[k], v) for k, v in fresh.generator.state_dict().items())
         assert not torch.equal(after["mapping.0.weight"], before["mapping.0.weight"])
         assert state.generator_optimiser is not optimiser and not state.generator_optimiser.state
-        assert torch.equal(state.panels[0].heads, state.panels[0].ways)
-        running.assign(recipe.assignment, 2)
+        assert torch.equal(assignment.heads, assignment.views)
+        assert assignment.before_step(TrainingContext(trainer, 0.6, 0)) and assignment.round == 2
         assert torch.equal(state.generator.state_dict()["mapping.0.weight"], after["mapping.0.weight"])
 
 
@@ -209,8 +262,8 @@ def test_a_restarted_run_can_be_loaded_and_resumed(tmp_path: Path) -> None:
     run = trained(tmp_path / "a", restart=True)
     shutil.copytree(run, tmp_path / "b")
     recipe = toy(steps=6, restart=True)
-    loop.resume(recipe, run, quiet=True)
-    loop.resume(recipe, tmp_path / "b", quiet=True)
+    resume(run, recipe, quiet=True)
+    resume(tmp_path / "b", recipe, quiet=True)
     assert differences(run, tmp_path / "b") == [] and load(run).step == 6
 
 
@@ -270,3 +323,17 @@ def test_a_generator_without_a_name_can_be_trained(tmp_path: Path) -> None:
 def test_the_run_handed_back_is_the_run_on_disk(tmp_path: Path) -> None:
     run = train(toy(steps=2), tmp_path, quiet=True)
     assert torch.equal(run.generator.sample(2, 5), load(tmp_path).generator.sample(2, 5))
+
+
+def test_rounds_that_come_too_soon_are_left_out(tmp_path: Path) -> None:
+    """Of six rounds in twelve steps, those at least four steps after the last one."""
+    starts = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)
+    run = train(with_predicted(toy(steps=12, starts=starts), rounds={"least_steps": 4}), tmp_path, quiet=True)
+    steps = [line["step"] for line in run.stats() if line.get("event") == "assigned"]
+    assert steps == [2, 6, 10]
+
+
+def test_without_an_average_the_run_holds_the_generator(tmp_path: Path) -> None:
+    tensors = final(trained(tmp_path, ema_half_life=0.0, views="known"))
+    weights = {name.removeprefix("generator/") for name in tensors if name.startswith("generator/")}
+    assert all(torch.equal(tensors[f"average/{name}"], tensors[f"generator/{name}"]) for name in weights)
