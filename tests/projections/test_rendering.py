@@ -16,7 +16,8 @@ from unproject.ops.exposure import develop
 from unproject.ops.maps import check_maps, pack_maps, unpack_maps
 from unproject.ops.microfacet import Reflection
 from unproject.ops.shading import Sampling
-from unproject.projections.rendering import Rendering, photographs, rendering_prior
+from unproject.projections.observation import Observation
+from unproject.projections.rendering import Rendering, rendering_prior
 
 
 def paper(size: int = 8, white: float = 1.0) -> Tensor:
@@ -188,7 +189,8 @@ def test_the_same_jitter_is_the_same_picture() -> None:
 
 
 def test_an_observation_draws_what_its_light_takes() -> None:
-    top, grazing = photographs(torch.rand(3, 3, 8, 16) + 0.1)
+    lit = Rendering(torch.rand(3, 3, 8, 16) + 0.1)
+    top, grazing = (Observation("view", lit, rendering_prior(lit, math.radians(angle))) for angle in (0, 80))
     rng = generator_at(1)
     for look, low, high in ((top, -5, 5), (grazing, 75, 85)):
         drawn = look.prior.sample(500, rng)

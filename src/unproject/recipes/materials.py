@@ -55,7 +55,7 @@ from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections.base import Identity
 from ..projections.observation import Observation
-from ..projections.rendering import Rendering, rendering_prior
+from ..projections.rendering import Lighting, Rendering, rendering_prior
 from ..projections.selection import Selection
 from ..projections.standardised import SCALE, standardised
 from ..training import Adam, Options, Recipe, resumable
@@ -318,12 +318,12 @@ def observation_of(name: str, natural: Tensor | None, samples: int) -> Observati
     Raises:
         UserError: for an unknown name.
     """
-    if name in MAPS:
+    if name in ("diffuse", "specular", "roughness", "normal"):
         return Observation(name, Selection(name))
     if name not in VIEWED_FROM:
         raise UserError(f"observations: there is none called {name!r}; choose from {', '.join((*MAPS, *VIEWED_FROM))}")
-    hard = dict.fromkeys(("flash", "lamp", "raking"), "directional")
-    lighting = {**hard, "coloured": "coloured", "ambient": "ambient"}.get(name, natural)
+    lamps: dict[str, Lighting] = {"flash": "directional", "lamp": "directional", "raking": "directional"}
+    lighting = {**lamps, "coloured": "coloured", "ambient": "ambient"}.get(name, natural)
     assert lighting is not None
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
     light, azimuth = ({"flash": (0.0, None)} | LAMPS).get(name, (None, None))
