@@ -29,7 +29,7 @@ def test_it_has_the_discriminators_convolutions() -> None:
     assert geometry(ViewPredictor((1, 32, 32), 16, channels=8)) == geometry(discriminator)
 
 
-def test_images_are_judged_alone_in_evaluation_only() -> None:
+def test_images_are_scored_alone_in_evaluation_only() -> None:
     model, image = ViewPredictor((1, 16, 16), 4, channels=4), torch.rand(6, 1, 16, 16)
     assert not torch.allclose(model(image)[:2], model(image[:2]), atol=1e-3)
     model.eval()

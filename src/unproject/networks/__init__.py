@@ -1,4 +1,4 @@
-"""Networks: generators, discriminators, view predictors."""
+"""Generators, discriminators and view predictors."""
 
 from .dcgan import DCGANDiscriminator
 from .discriminators import Discriminator, LineDiscriminator

@@ -38,10 +38,9 @@ def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
 
     Examples:
         >>> import torch, unproject as up
-        >>> up.ops.camera_frame(torch.tensor([0.0]))
-        tensor([[[1., 0., 0.],
-                 [0., 1., 0.],
-                 [0., 0., 1.]]])
+        >>> frame = up.ops.camera_frame(torch.tensor([0.3]), torch.tensor([0.2]))[0]
+        >>> torch.allclose(frame @ frame.T, torch.eye(3), atol=1e-6)
+        True
     """
     ca, sa = cos_sin(azimuth)
     ce, se = cos_sin(torch.zeros_like(azimuth) if elevation is None else elevation)

@@ -322,8 +322,9 @@ def observation_of(name: str, natural: Tensor | None, samples: int) -> Observati
         return Observation(name, Selection(name))
     if name not in VIEWED_FROM:
         raise UserError(f"observations: there is none called {name!r}; choose from {', '.join((*MAPS, *VIEWED_FROM))}")
-    lamps: dict[str, Lighting] = {"flash": "directional", "lamp": "directional", "raking": "directional"}
-    lighting = {**lamps, "coloured": "coloured", "ambient": "ambient"}.get(name, natural)
+    lit: dict[str, Lighting] = {"coloured": "coloured", "ambient": "ambient"}
+    lit |= {"flash": "directional", "lamp": "directional", "raking": "directional"}
+    lighting = lit.get(name, natural)
     assert lighting is not None
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
     light, azimuth = ({"flash": (0.0, None)} | LAMPS).get(name, (None, None))
