@@ -91,10 +91,7 @@ def _run(
 ) -> Tensor:
     batch, _, height, width = maps.shape
     natural = isinstance(light, Environment)
-    assert camera.shape == (batch, 3, height, width) and len(plan.seed) == len(plan.pool) == batch
-    if natural:  # the kernel does not check indices
-        assert light.turn.shape == light.which.shape == (batch,)
-        assert bool(((light.which >= 0) & (light.which < len(light.environments.table))).all())
+    _check_bounds(maps, camera, light, plan)
     nothing = maps.new_zeros(1)
     sample = torch.arange(plan.lobes, dtype=torch.float64)
     out = maps.new_empty(batch, 3 if gradient is None else 8, height, width)
@@ -122,6 +119,14 @@ def _run(
     )
     _share_out(job, batch * -(-height * width // BLOCK))
     return out
+
+
+def _check_bounds(maps: Tensor, camera: Tensor, light: Light, plan: Plan) -> None:
+    """Check shapes and indices, which the kernel does not."""
+    assert camera.shape == (len(maps), 3, *maps.shape[2:]) and len(plan.seed) == len(plan.pool) == len(maps)
+    if isinstance(light, Environment):
+        assert light.turn.shape == light.which.shape == (len(maps),)
+        assert bool(((light.which >= 0) & (light.which < len(light.environments.table))).all())
 
 
 def _share_out(job: Job, blocks: int) -> None:
