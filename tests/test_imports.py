@@ -10,7 +10,7 @@ import pytest
 
 from unproject.cli import VERBS
 
-HEAVY = ("torch", "numpy", "scipy", "PIL", "trimesh", "skimage", "lightning_fabric", "tensorboard", "rich", "tyro")
+HEAVY = ("torch", "numpy", "scipy", "PIL", "trimesh", "skimage", "tensorboard", "rich", "tyro")
 
 
 def modules_after(code: str) -> set[str]:
