@@ -53,3 +53,7 @@ def test_a_verbs_help_needs_no_torch(verb: str) -> None:
 
 def test_heavy_modules_would_be_noticed() -> None:
     assert "numpy" in modules_after("import numpy")
+
+
+def test_a_surface_without_smoothing_does_without_trimesh() -> None:
+    assert "trimesh" not in modules_after("import unproject.ops.isosurface")
