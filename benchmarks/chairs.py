@@ -129,8 +129,8 @@ def score(arm: str, seed: int, options: argparse.Namespace) -> None:
     if arm == "predicted":
         found, ceiling = views(run.path)
         scores |= view_scores(found, ceiling, seed)
-        confusion_picture(found.confusion).save(options.results / f"{arm}-{seed}-confusion.png")
-    export.contact_sheet(generated[:8], options.results / f"{arm}-{seed}.png", size=96)
+        confusion_picture(found.confusion).save(options.results / f"{arm}-{seed}-confusion.webp")
+    export.contact_sheet(generated[:8], options.results / f"{arm}-{seed}.webp", size=96)
     about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
     write(result(arm, seed, options), {**about, "scores": {name: asdict(value) for name, value in scores.items()}})
 

@@ -58,13 +58,13 @@ def report(tmp_path: Path) -> Report:
 def test_a_report_says_what_is_claimed_what_was_measured_and_how(report: Report, tmp_path: Path) -> None:
     assert [one.verdict for one in report.judged] == ["holds", "undecided"] and report.verdict == "undecided"
     paths = write(report, tmp_path / "out")
-    assert {path.name for path in paths} == {"fig7.md", "fig7.html", "fig7.png"}
+    assert {path.name for path in paths} == {"fig7.md", "fig7.html", "fig7.webp"}
     text = (tmp_path / "out" / "fig7.md").read_text()
     parts = ("What is claimed.", "What is said.", "holds", "not measured", "abc1234", "It is small.")
     for part in (*parts, "| ours 1.05, theirs 2.05 | 2.00, 1.91 |"):
         assert part in text
     assert "| ours | 1.0, 1.0 | 1.05 (1, 1.1) |  | 3 (3, 3) |" in text and "- far, less is better: p\n" in text
-    with Image.open(tmp_path / "out" / "fig7.png") as picture:
+    with Image.open(tmp_path / "out" / "fig7.webp") as picture:
         assert picture.size == (72, 42)
 
 
@@ -73,7 +73,7 @@ def test_pictures_that_are_too_many_for_a_row_go_on_below(
 ) -> None:
     monkeypatch.setattr("unproject.reproduce.report.WIDEST", 50)
     write(report, tmp_path)
-    with Image.open(tmp_path / "fig7.png") as picture:
+    with Image.open(tmp_path / "fig7.webp") as picture:
         assert picture.size == (30, 84)
 
 
@@ -83,7 +83,7 @@ def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
     assert "A &lt;title&gt;" in page and "<title>A &lt;" in page
     assert "many (<code>wood</code>)" in page and "<em>Margin</em>" in page and "`" not in page
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert sources and all(source.startswith("data:image/webp;base64,") for source in sources)
     assert "http" not in page
 
 

@@ -53,8 +53,8 @@ def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkey
     kept = tmp_path / "reproduction" / "cpu" / "results"
     names = {f"toy-{arm}-{seed}" for arm in ("known", "single") for seed in (0, 1)} | {"truth-digits-0"}
     assert {path.stem for path in kept.glob("*.json")} == names
-    assert {path.name for path in kept.glob("*-views.png")} == set()  # line integrals are no pictures
-    assert {path.suffix for path in (tmp_path / "reproduction" / "cpu").glob("toy.*")} == {".md", ".html", ".png"}
+    assert {path.name for path in kept.glob("*-views.webp")} == set()  # line integrals are no pictures
+    assert {path.suffix for path in (tmp_path / "reproduction" / "cpu").glob("toy.*")} == {".md", ".html", ".webp"}
     content = json.loads((kept / "toy-known-1.json").read_text())
     assert content["seed"] == 1 and content["steps"] == 2 and content["budget"] == "cpu"
     assert content["environment"]["command"][1:3] == ["train", "digits"] and str(tmp_path) not in json.dumps(content)
@@ -256,7 +256,7 @@ def test_real_sets_are_cut_photographed_and_scored_but_not_shown(
     assert counts == dict.fromkeys(("specular", "roughness", "normal"), 2) | {"diffuse": 7, "top": 3, "grazing": 3}
     truths = Where(tmp_path, tmp_path / "kept", place.data, "cpu").truths("plastic-sets")
     score_truth("plastic-sets", place, truths, {"budget": "cpu"})
-    assert truths["truth"].exists and not list((tmp_path / "kept").glob("*.jpg"))
+    assert truths["truth"].exists and not list((tmp_path / "kept").glob("*.webp"))
 
 
 def test_true_things_are_scored_once_and_shuffled_maps_do_not_go_together(

@@ -29,7 +29,7 @@ def run(
     """Train the arms of a figure of the paper's supplemental, score them, judge its claims; fig1, fig6: networks.
 
     What an arm gave is kept as soon as it is finished, and nothing is computed twice; an arm that was interrupted is
-    resumed. Leaves in --out/BUDGET: FIG.md, FIG.html (one file, pictures inside), FIG.png, and results/, the scores and
+    resumed. Leaves in --out/BUDGET: FIG.md, FIG.html (one file, pictures inside), FIG.webp, and results/, the scores and
     pictures of every arm and seed; for all, also all.md and the networks.
 
     Args:

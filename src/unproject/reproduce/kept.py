@@ -17,7 +17,7 @@ from ..training.run_directory import environment, write_json
 
 @dataclass(frozen=True)
 class Kept:
-    """Of one arm and seed: ARM-SEED.json and ARM-SEED.jpg in a folder; ARM-SEED-views.png if views were predicted."""
+    """Of one arm and seed: ARM-SEED.json and ARM-SEED.webp in a folder; ARM-SEED-views.webp if views were predicted."""
 
     folder: Path
     arm: str
@@ -29,12 +29,12 @@ class Kept:
 
     @property
     def picture(self) -> Path:
-        return self.folder / f"{self.arm}-{self.seed}.jpg"
+        return self.folder / f"{self.arm}-{self.seed}.webp"
 
     @property
     def views(self) -> Path:
         """Training images grouped by the view they were assigned."""
-        return self.folder / f"{self.arm}-{self.seed}-views.png"
+        return self.folder / f"{self.arm}-{self.seed}-views.webp"
 
     @property
     def exists(self) -> bool:

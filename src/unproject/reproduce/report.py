@@ -24,9 +24,9 @@ LABEL, GAP, WIDEST = 22, 12, 1600
 
 
 def write(report: Report, folder: Path) -> tuple[Path, ...]:
-    """FIGURE.md, FIGURE.html and FIGURE.png in a folder."""
+    """FIGURE.md, FIGURE.html and FIGURE.webp in a folder."""
     name = report.figure.name
-    picture = folder / f"{name}.png"
+    picture = folder / f"{name}.webp"
     shown = save_picture(report, picture)
     blocks = blocks_of(report, picture if shown else None)
     texts = {folder / f"{name}.md": markdown(blocks), folder / f"{name}.html": page(report.figure.title, blocks)}
@@ -251,7 +251,7 @@ def page(title: str, blocks: Sequence[Block]) -> str:
             body.append(f"<table><tr>{head}</tr>{rest}</table>")
         elif kind == "picture":
             content = base64.b64encode(value.read_bytes()).decode()
-            body.append(f'<img alt="{value.stem}" src="data:image/png;base64,{content}">')
+            body.append(f'<img alt="{value.stem}" src="data:image/webp;base64,{content}">')
         else:
             body.append(f"<p>{_rich(value)}</p>")
     return (
