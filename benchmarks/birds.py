@@ -19,7 +19,7 @@ from unproject import export
 from unproject.data import read
 from unproject.recipes import origin
 from unproject.recipes.shapes import shapes
-from unproject.reproduce.running import EACH, grouped
+from unproject.reproduce.scoring import COLUMNS, grouped
 from unproject.training import load, train
 from unproject.training.evaluation import assigned_panel, evaluate
 
@@ -48,7 +48,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.webp", size=128)
     export.silhouette_sheet(
-        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.webp", columns=EACH
+        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.webp", columns=COLUMNS
     )
     masks = read(options.data, size=options.size)
     scores = evaluate(run, recipe, masks, n=len(masks), seed=options.seed)

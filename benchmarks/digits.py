@@ -28,7 +28,7 @@ from torch import Tensor
 from unproject.data import read_images
 from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
 from unproject.recipes import rebuild
-from unproject.reproduce.kept import made_by
+from unproject.reproduce.result import provenance
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_accuracy, assigned_panel, free_turns, supervised_ceiling, true_views
 from unproject.training.run_directory import read_recipe
@@ -97,7 +97,7 @@ def score(arm: str, seed: int, options: argparse.Namespace, training: Tensor, te
         found = assigned_accuracy(panel, panel.ways, true)
         scores |= view_scores(found, supervised_ceiling(panel, true, recipe.seed), seed)
         confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.webp")
-    about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
+    about = {"arm": arm, "seed": seed, "steps": run.step} | provenance(run.path)
     write(result(arm, seed), {**about, "scores": as_dict(scores)})
 
 

@@ -4,8 +4,8 @@
     python tools/loss_logs.py record after/                           # at the new one
     python tools/loss_logs.py compare before/ after/
 
-`record` trains every recipe for 60 steps, seeds 0 and 1, with one thread, and keeps of each run the lines of stats.jsonl
-without the seconds, and a digest of the averaged weights. The paper's recipes are narrow, as in the cpu budget of
+`record` trains every recipe for 60 steps, seeds 0 and 1, with one thread, and keeps the lines of stats.jsonl of each
+run without the seconds, and a digest of the averaged weights. The paper's recipes are narrow, as in the cpu budget of
 `unproject reproduce`: at full width they would take hours.
 """
 

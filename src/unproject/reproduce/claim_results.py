@@ -1,4 +1,4 @@
-"""What is kept of a figure's arms, and what it says of the figure's claims."""
+"""Compute the effects and verdicts of a figure's claims from the stored results of its arms."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from functools import cached_property
 from statistics import mean
 
 from .figure import Claim, Figure, Spread, Verdict, overall, pooled, verdict
-from .kept import Kept
+from .result import Result
 
 
 @dataclass(frozen=True)
-class Judged:
-    """A claim, its effect at each seed that both arms have, how far seeds spread such an effect, and the verdict.
+class ClaimResult:
+    """A claim with its measured effects.
 
-    `measured` is the score that it is about, of each arm that it names.
+    Attributes:
+        claim: the claim.
+        effects: one a seed that both arms have.
+        spread: variance of such an effect between seeds.
+        measured: the score of each arm that the claim names, the geometric mean over seeds.
     """
 
     claim: Claim
@@ -30,46 +34,55 @@ class Judged:
 
     @property
     def text(self) -> str:
-        return f"Beyond the paper: {self.claim.text}" if self.claim.ours else self.claim.text
+        return f"Beyond the paper: {self.claim.text}" if self.claim.beyond_paper else self.claim.text
 
     @property
-    def said(self) -> str:
-        """The verdict; undecided, though all seeds are on one side, is not the same as contradicted."""
+    def verdict_text(self) -> str:
+        """The verdict; for an undecided claim also how many seeds agree with it."""
         if self.verdict != "undecided" or len(self.effects) < 2:
             return self.verdict
-        good = [effect > 0 for effect in self.effects]
-        leaning = "every seed as claimed" if all(good) else "seeds disagree" if any(good) else "no seed as claimed"
-        return f"undecided ({leaning})"
+        positive = [effect > 0 for effect in self.effects]
+        agreement = (
+            "all seeds in favour" if all(positive) else "seeds disagree" if any(positive) else "no seed in favour"
+        )
+        return f"undecided ({agreement})"
 
 
 @dataclass(frozen=True)
 class Report:
-    """A figure and what is kept of its arms: (arm, seed) → result; and of true things: name → result."""
+    """A figure and its stored results.
+
+    Attributes:
+        figure: the figure.
+        results: (arm, seed) → result.
+        truths: name → result of true samples, such as truth-wood and shuffled-wood.
+    """
 
     figure: Figure
-    kept: dict[tuple[str, int], Kept]
-    truths: dict[str, Kept] = field(default_factory=dict)
+    results: dict[tuple[str, int], Result]
+    truths: dict[str, Result] = field(default_factory=dict)
 
     @cached_property
-    def judged(self) -> tuple[Judged, ...]:
+    def claim_results(self) -> tuple[ClaimResult, ...]:
+        """Those of all claims, except claims about real collections of which there is no result."""
         real = {arm.name for arm in self.figure.real}
-        judged = [
-            Judged(claim, self._effects(claim), self._spread(claim), self._measured(claim))
+        found = [
+            ClaimResult(claim, self._effects(claim), self._spread(claim), self._measured(claim))
             for claim in self.figure.claims
         ]
-        return tuple(one for one in judged if one.effects or not {one.claim.better, one.claim.than} & real)
+        return tuple(one for one in found if one.effects or not {one.claim.better, one.claim.than} & real)
 
     @property
     def verdict(self) -> Verdict:
-        """Of the paper's claims; those beyond it, and those of real collections that are not at hand, do not count."""
-        return overall([one.verdict for one in self.judged if not one.claim.ours])
+        """The verdict on the paper's claims; claims beyond the paper do not count."""
+        return overall([one.verdict for one in self.claim_results if not one.claim.beyond_paper])
 
     def seeds(self, arm: str) -> list[int]:
-        return sorted(seed for name, seed in self.kept if name == arm)
+        return sorted(seed for name, seed in self.results if name == arm)
 
     @cached_property
     def values(self) -> dict[tuple[str, int], dict[str, float]]:
-        return {key: kept.values() for key, kept in self.kept.items()}
+        return {key: result.values() for key, result in self.results.items()}
 
     def _effects(self, claim: Claim) -> tuple[float, ...]:
         truth = self.truths[claim.than].values() if claim.than in self.truths else None
@@ -83,12 +96,12 @@ class Report:
         return tuple(found)
 
     def _spread(self, claim: Claim) -> Spread:
-        """Of an effect: that between the seeds of an arm, of all arms alike together; of two arms, twice.
+        """Return the variance of an effect, pooled over all arms with the same source; doubled for two arms.
 
-        Alike are those that are scored against the same things: collections differ in how far seeds spread.
+        Arms of other sources are left out, since collections differ in their variance between seeds.
         """
-        alike = [arm for arm, source in self.sources.items() if source == self.sources[claim.better]]
-        levels = {arm: found for arm in alike if (found := self._levels(claim, arm))}
+        same = [arm for arm, source in self.sources.items() if source == self.sources[claim.better]]
+        levels = {arm: found for arm in same if (found := self._levels(claim, arm))}
         return pooled(levels.values()) * (2 if claim.than in levels else 1)
 
     @property
@@ -96,11 +109,10 @@ class Report:
         return {arm.name: arm.source for arm in (*self.figure.arms, *self.figure.real)}
 
     def _levels(self, claim: Claim, arm: str) -> list[float]:
-        """The level of an arm's scores, or of true things', one a seed."""
+        """Return the level of the scores of an arm, or of true samples, one a seed."""
         found = [self.truths[arm].values()] if arm in self.truths else [self.values[arm, s] for s in self.seeds(arm)]
         return [claim.level(values) for values in found if all(score in values for score in claim.scores)]
 
     def _measured(self, claim: Claim) -> dict[str, float]:
-        """What a claim is about: its score of each arm, the geometric mean over seeds."""
         levels = {arm: self._levels(claim, arm) for arm in (claim.better, claim.than) if arm}
         return {arm: math.exp(mean(found)) for arm, found in levels.items() if found}
