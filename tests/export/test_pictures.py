@@ -177,3 +177,13 @@ def test_npz_is_what_sample_writes(tmp_path):
     with np.load(path) as arrays:
         assert arrays.files == ["volume"] and arrays["volume"].dtype == np.float32
         assert (arrays["volume"] == arrow()[None]).all()
+
+
+def test_silhouettes_lose_nothing_as_webp_and_shaded_pictures_are_small(tmp_path):
+    masks = np.random.default_rng(0).random((4, 32, 32))
+    sheet = export.silhouette_sheet(masks, tmp_path / "masks.webp")
+    with Image.open(tmp_path / "masks.webp") as stored:
+        assert np.array_equal(np.asarray(stored.convert("RGB")), np.asarray(sheet))
+    for suffix in (".webp", ".png"):
+        export.gallery(arrow()[None], tmp_path / f"shape{suffix}")
+    assert (tmp_path / "shape.webp").stat().st_size < (tmp_path / "shape.png").stat().st_size

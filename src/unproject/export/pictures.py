@@ -26,6 +26,7 @@ AZIMUTHS = tuple(math.radians(a) for a in (30, 120, 210, 300))
 _LABEL = 16
 _INK = (120, 120, 120)
 _LARGEST_GIF = 5_000_000
+_QUALITY = {"JPEG": 92, "WEBP": 80}
 
 
 def contact_sheet(
@@ -90,7 +91,7 @@ def silhouette_sheet(
         raise UserError(f"cannot show an array of shape {masks.shape}: silhouettes are (N, 1, H, W) with N at least 1")
     grey = (255 * (1 - np.clip(masks, 0, 1))).round().astype(np.uint8).repeat(scale, 1).repeat(scale, 2)
     framed = np.pad(grey, ((0, 0), (0, 1), (0, 1)), constant_values=210)
-    return _kept(Image.fromarray(_joined(_in_grid(framed[..., None].repeat(3, -1), columns))), path)
+    return _kept(Image.fromarray(_joined(_in_grid(framed[..., None].repeat(3, -1), columns))), path, lossless=True)
 
 
 def material_sheet(
@@ -200,10 +201,11 @@ def save_image(picture: Image.Image, path: str | PathLike[str]) -> None:
     _kept(picture, path)
 
 
-def _kept(picture: Image.Image, path: str | PathLike[str] | None) -> Image.Image:
+def _kept(picture: Image.Image, path: str | PathLike[str] | None, lossless: bool = False) -> Image.Image:
+    """Save the picture, if a path is given. WebP is smaller lossless where there are few grey levels."""
     if path is not None:
-        content = io.BytesIO()
-        picture.save(content, _format(Path(path)), quality=92)  # where the format has such a thing
+        content, name = io.BytesIO(), _format(Path(path))
+        picture.save(content, name, quality=_QUALITY.get(name, 100), lossless=lossless)
         save(Path(path), content.getvalue())
     return picture
 
