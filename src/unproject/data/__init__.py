@@ -1,22 +1,22 @@
 """Collections and their readers: folders of pictures, arrays, 3-D collections, the procedural chairs, and digits."""
 
-from .birds import birds
-from .cars import cars
-from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .collection import Collection, read, read_images, read_shapes
 from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
-from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .inspection import Inspection, contact_sheet, inspect
-from .material_sets import material_records, read_material, read_materials
-from .materials import correlated, metal, plastic, wood
 from .observing import observe
-from .patches import material_patches
-from .probes import probe_records, read_probe, read_probes, resample_probe
-from .procedural_probes import mixed_probes, procedural_probes
+from .procedural.light import mixed_probes, procedural_probes
+from .procedural.materials.materials import correlated, metal, plastic, wood
+from .procedural.shapes.birds import birds
+from .procedural.shapes.cars import cars
+from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
+from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
+from .readers.patches import material_patches
+from .readers.photographs import holds_sightings, read_sightings
+from .readers.probes import probe_records, read_probe, read_probes, resample_probe
+from .readers.textures import material_records, read_material, read_materials
 from .sampling import batch_rows, held_out
-from .sightings import holds_sightings, read_sightings
 
 __all__ = [
     "AS_GIVEN",

@@ -17,14 +17,14 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
-from .arrays import read_arrays
-from .folder import SUFFIXES as PICTURES
-from .folder import read_folder
-from .framing import Framing
+from .readers.arrays import read_arrays
+from .readers.framing import Framing
+from .readers.pictures import SUFFIXES as PICTURES
+from .readers.pictures import read_folder
+from .readers.shapes import SUFFIXES as SHAPES
+from .readers.shapes import is_shape_archive, split_selector
+from .readers.shapes import read_shapes as _read_shapes
 from .records import Records
-from .shapes import SUFFIXES as SHAPES
-from .shapes import is_shape_archive, split_selector
-from .shapes import read_shapes as _read_shapes
 
 
 class Collection(Records):

@@ -13,8 +13,8 @@ from PIL import Image
 from torch import Tensor
 
 from .collection import Collection, check_size, holds_only_shapes
-from .folder import SIZE, VIEWS, read_views, survey_folder
-from .framing import Framing
+from .readers.framing import Framing
+from .readers.pictures import SIZE, VIEWS, read_views, survey_folder
 from .records import Records
 
 Row = tuple[str, str, str, str]

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..adversarial.assignment import Predicted
 from ..data import Collection
-from ..data.correlated import octave_correlations
+from ..data.procedural.materials.correlated import octave_correlations
 from ..export import silhouette_sheet
 from ..metrics import Score
 from ..ops.maps import kind_of, pack_maps, unpack_maps

@@ -33,7 +33,7 @@ from ..data import (
     read_materials,
     read_probes,
 )
-from ..data.voxelise import normalised, voxelise
+from ..data.readers.voxelise import normalised, voxelise
 from ..export.materials import to_srgb
 from ..ops.maps import MAPS
 from ..recipes.materials import WORLDS, way_of
