@@ -1,18 +1,30 @@
-"""Pictures in floating point or 16 bits, read and written by OpenImageIO: .hdr, .exr, .png and its other formats."""
+"""Files of pictures: `read_stored` for every channel as it is stored, `read_displayed` for what a viewer shows.
+
+OpenImageIO reads what is stored (.hdr, .exr, 16 bits, .png and others), Pillow what is displayed: turned as the camera
+says, palettes resolved.
+"""
 
 from __future__ import annotations
 
 import os
 import warnings
-from typing import Any, Literal, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from ._files import atomic_path
 from ._types import UserError
 
+if TYPE_CHECKING:
+    from PIL import Image
+
 MOST_PIXELS = 2**27  # 11600²: larger ones are mistakes or bombs
 Depth = Literal["uint8", "uint16", "half", "float"]
+
+
+class UnusablePicture(ValueError):
+    """This picture cannot be used; the message is the reason."""
 
 
 class Picture(NamedTuple):
@@ -22,8 +34,8 @@ class Picture(NamedTuple):
     stored: str
 
 
-def read_picture(path: str | os.PathLike[str]) -> Picture:
-    """All channels of the first image of a file, no conversion of colours.
+def read_stored(path: str | os.PathLike[str]) -> Picture:
+    """Read all channels of the first image of a file, without conversion of colours.
 
     Raises:
         UserError: if the file is missing, is no picture, is damaged or truncated, or is too large.
@@ -91,3 +103,48 @@ def write_picture(path: str | os.PathLike[str], pixels: Any, depth: Depth) -> No
 
 def _reason(text: str) -> str:
     return " ".join(text.split())[:120] or "unknown format"
+
+
+def read_displayed(file: Path) -> np.ndarray:
+    """Read a picture as (H, W, C), C = 1 to 4, turned as its camera says: uint8, or float32 in [0, 1] of deeper ones.
+
+    Raises:
+        UnusablePicture: if it cannot be read, or is so large that Pillow takes it for a decompression bomb.
+    """
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(file) as picture:
+                return _displayed(ImageOps.exif_transpose(picture))
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise UnusablePicture(f"too large: over {Image.MAX_IMAGE_PIXELS} pixels; make it smaller") from None
+    except UnidentifiedImageError:
+        raise UnusablePicture("unreadable: no picture of a known format") from None
+    except (OSError, SyntaxError, ValueError, EOFError, MemoryError, TypeError, IndexError) as error:
+        raise UnusablePicture(f"unreadable: {_cause(error)}") from None
+
+
+def _cause(error: BaseException) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split()) or type(error).__name__
+
+
+def _displayed(picture: Image.Image) -> np.ndarray:
+    if picture.mode.startswith(("I", "F")):
+        return _deep(picture)
+    transparent = "A" in picture.getbands() or "transparency" in picture.info
+    grey = picture.mode in ("1", "L", "LA")
+    mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
+    pixels = np.asarray(picture.convert(mode))
+    return pixels[..., None] if pixels.ndim == 2 else pixels
+
+
+def _deep(picture: Image.Image) -> np.ndarray:
+    """16-bit integers are shares of 65535, as PNG and TIFF mean them; floats are as they are."""
+    values = np.asarray(picture, dtype=np.float32)[..., None]
+    if not np.isfinite(values).all():
+        raise UnusablePicture("unreadable: has values that are NaN or infinite")
+    return np.clip(values / (1.0 if picture.mode == "F" else 65535.0), 0, 1)

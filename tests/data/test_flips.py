@@ -26,7 +26,9 @@ def test_flipped_pictures_are_pictures_of_mirrored_things(looks: tuple) -> None:
 
 
 def test_originals_and_mirror_images_alternate() -> None:
-    pictures = Collection.from_tensor(torch.rand(3, 1, 4, 4), {"azimuth": torch.tensor([0.0, 1.0, -2.0])}, list("abc"))
+    pictures = Collection(
+        torch.rand(3, 1, 4, 4), latents={"azimuth": torch.tensor([0.0, 1.0, -2.0])}, names=list("abc")
+    )
     both = with_flips(pictures)
     assert torch.equal(both.items[::2], pictures.items) and torch.equal(both.items[1::2], pictures.items.flip(3))
     assert both.names == ("a", "a flipped", "b", "b flipped", "c", "c flipped")
@@ -37,6 +39,6 @@ def test_originals_and_mirror_images_alternate() -> None:
 def test_what_a_flip_does_not_mean_is_refused() -> None:
     with pytest.raises(UserError, match="only pictures and volumes"):
         with_flips(Collection(torch.rand(3, 8)))
-    rolled = Collection.from_tensor(torch.rand(2, 1, 4, 4), {"roll": torch.tensor([0.0, math.pi])})
-    with pytest.raises(UserError, match="what a flip does to roll; leave flips out"):
+    rolled = Collection(torch.rand(2, 1, 4, 4), latents={"roll": torch.tensor([0.0, math.pi])})
+    with pytest.raises(UserError, match="how roll changes in a flip; leave flips out"):
         with_flips(rolled)

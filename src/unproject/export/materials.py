@@ -29,7 +29,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
-from unproject._openimage import Depth, write_picture
+from unproject._pictures import Depth, write_picture
 from unproject._types import UserError
 from unproject.export._volumes import Written, save
 from unproject.ops.maps import check_maps, unpack_maps
@@ -102,12 +102,12 @@ def material_maps(
         UserError: maps that are no material, or a path that is no folder. OSError: the disk. A new folder appears
             whole or not at all; into one that exists whole files are moved once all are written, the note last.
     """
-    materials, kind = as_materials(maps, fresnel, eta), kind_of(depth)
+    materials, kind = as_materials(maps, fresnel, eta), storage_of(depth)
     return write_folders(materials, path, lambda folder, m: write_maps(folder, m, kind, fresnel, eta))
 
 
-def kind_of(depth: MapDepth) -> Kind:
-    """How pictures of this depth are stored."""
+def storage_of(depth: MapDepth) -> Kind:
+    """Return how pictures of this depth are stored."""
     if depth not in _KINDS:
         raise UserError(f"depth: there is no {depth!r}; use one of {', '.join(_KINDS)}")
     return _KINDS[depth]

@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 from unproject._types import UserError
-from unproject.data import read_sightings
+from unproject.data import Collection
 
 
 def put(folder: Path, name: str, value: tuple[int, ...], size: tuple[int, int] = (40, 32)) -> None:
@@ -32,7 +32,7 @@ def put(folder: Path, name: str, value: tuple[int, ...], size: tuple[int, int] =
 def test_each_is_read_as_artists_store_it(tmp_path: Path, name: str, value: tuple, expected: tuple) -> None:  # type: ignore[type-arg]
     put(tmp_path / name, "a.png", value)
     put(tmp_path / name, "b.png", value)
-    found = read_sightings(tmp_path, name, 16)
+    found = Collection.photographs(tmp_path, name, 16)
     assert found.items.shape == (2, len(expected), 16, 16)
     torch.testing.assert_close(found.items[0, :, 3, 5], torch.tensor(expected), atol=2e-3, rtol=0)
 
@@ -42,7 +42,7 @@ def test_the_middle_square_is_taken(tmp_path: Path) -> None:
     picture[:, 16:48] = 255
     (tmp_path / "top").mkdir()
     Image.fromarray(picture).save(tmp_path / "top" / "a.png")
-    assert read_sightings(tmp_path, "top", 16).items.min() == 1
+    assert Collection.photographs(tmp_path, "top", 16).items.min() == 1
 
 
 def test_bad_ones_are_named_and_skipped(tmp_path: Path) -> None:
@@ -50,13 +50,13 @@ def test_bad_ones_are_named_and_skipped(tmp_path: Path) -> None:
     put(tmp_path / "normal", "black.png", (0, 0, 0))
     put(tmp_path / "normal", "tiny.png", (128, 128, 255), (4, 4))
     (tmp_path / "normal" / "text.png").write_text("no picture")
-    found = read_sightings(tmp_path, "normal", 16)
+    found = Collection.photographs(tmp_path, "normal", 16)
     assert found.names == ("normal/good.png",)
     assert [name for name, _ in found.skipped] == ["normal/black.png", "normal/text.png", "normal/tiny.png"]
     with pytest.raises(UserError, match="black"):
-        read_sightings(tmp_path, "normal", 16, strict=True)
+        Collection.photographs(tmp_path, "normal", 16, strict=True)
     with pytest.raises(UserError, match="leave grazing out"):
-        read_sightings(tmp_path, "grazing", 16)
+        Collection.photographs(tmp_path, "grazing", 16)
     put(tmp_path / "top", "tiny.png", (1, 1, 1), (2, 2))
     with pytest.raises(UserError, match="none of the 1"):
-        read_sightings(tmp_path, "top", 16)
+        Collection.photographs(tmp_path, "top", 16)

@@ -13,9 +13,9 @@ import pytest
 import torch
 from PIL import Image
 
+from unproject._pictures import read_displayed
 from unproject._types import UserError
-from unproject.data import Collection, Framing
-from unproject.data.readers.pictures import read_picture
+from unproject.data import Framing, read
 
 
 def block(left: int = 20, width: int = 20) -> np.ndarray:
@@ -46,11 +46,11 @@ def test_pictures_of_every_format_are_read_in_order_and_recursively(tmp_path):
         save(tmp_path / name)
     (tmp_path / "notes.txt").write_text("no picture")
     save(tmp_path / ".hidden.png")
-    found = Collection(tmp_path)
+    found = read(tmp_path)
     assert found.names == ("F.PNG", "a.jpg", "b.png", "d.bmp", "e.tif", "sub/c.webp")
-    assert found.items.shape == (6, 1, 64, 64) and found.items.dtype == torch.float32
+    assert found.items.shape == (6, 1, 64, 64) and found.items.dtype == torch.uint8
     assert found.latents is None and found.skipped == () and len(found) == 6
-    assert (found.items - found.items[0]).abs().max() < 0.05
+    assert (found.floats() - found.floats()[0]).abs().max() < 0.05
 
 
 def test_modes_of_pictures_agree(tmp_path):
@@ -62,20 +62,20 @@ def test_modes_of_pictures_agree(tmp_path):
     Image.fromarray(block().astype(np.uint16) * 257).save(tmp_path / "deep.png")
     Image.fromarray(255 - block()).save(tmp_path / "inverse.png")
     Image.fromarray(block()).convert("CMYK").save(tmp_path / "cmyk.tif")
-    found = Collection(tmp_path, size=32)
+    found = read(tmp_path, size=32)
     assert len(found) == 7 and (found.items == found.items[:1]).all()
 
 
 def test_sixteen_bits_are_shares_of_65535(tmp_path):
     Image.fromarray(np.full((8, 8), 16384, np.uint16)).save(tmp_path / "a.png")
-    assert np.allclose(read_picture(tmp_path / "a.png"), 0.25, atol=1e-4)
+    assert np.allclose(read_displayed(tmp_path / "a.png"), 0.25, atol=1e-4)
 
 
 def test_a_photograph_is_turned_as_its_camera_says(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(block()).save(tmp_path / "a.jpg", exif=exif)
-    item = Collection(tmp_path).items[0, 0] > 0.5
+    item = read(tmp_path).floats()[0, 0] > 0.5
     assert item.any(0).sum() > item.any(1).sum()
 
 
@@ -90,7 +90,7 @@ def test_bad_pictures_are_named_and_skipped(tmp_path):
     save(tmp_path / "black.png", np.zeros((40, 40), np.uint8))
     bomb(tmp_path / "bomb.png")
     start = time.perf_counter()
-    found = Collection(tmp_path)
+    found = read(tmp_path)
     assert time.perf_counter() - start < 5
     assert found.names == ("good.png",)
     reasons = dict(found.skipped)
@@ -102,43 +102,43 @@ def test_bad_pictures_are_named_and_skipped(tmp_path):
 def test_a_bomb_between_pillows_two_limits_is_refused_too(tmp_path):
     bomb(tmp_path / "bomb.png", 10000)
     save(tmp_path / "good.png")
-    assert "too large" in dict(Collection(tmp_path).skipped)["bomb.png"]
+    assert "too large" in dict(read(tmp_path).skipped)["bomb.png"]
 
 
 def test_strict_names_the_first_bad_picture(tmp_path):
     save(tmp_path / "good.png")
     (tmp_path / "bad.png").write_bytes(b"x")
     with pytest.raises(UserError, match=r"bad\.png: unreadable.*--strict"):
-        Collection(tmp_path, strict=True)
+        read(tmp_path, strict=True)
 
 
 def test_missing_empty_and_hopeless_folders(tmp_path):
     with pytest.raises(UserError, match="no such file or folder; check the path"):
-        Collection(tmp_path / "nowhere")
+        read(tmp_path / "nowhere")
     with pytest.raises(UserError, match="holds no picture; put png"):
-        Collection(tmp_path)
+        read(tmp_path)
     (tmp_path / "a.png").write_bytes(b"x")
     with pytest.raises(UserError, match=r"none of the 1 pictures can be used \(a.png: unreadable"):
-        Collection(tmp_path)
+        read(tmp_path)
     with pytest.raises(UserError, match="is one picture; name the folder"):
-        Collection(save(tmp_path / "b.png"))
+        read(save(tmp_path / "b.png"))
 
 
 def test_size_and_framing_are_obeyed(tmp_path):
     save(tmp_path / "a.png")
-    found = Collection(str(tmp_path), size=40, framing=Framing(mode="keep"))
+    found = read(str(tmp_path), size=40, framing=Framing(mode="keep"))
     assert found.items.shape == (1, 1, 40, 40)
-    assert float(found.items.mean()) == pytest.approx(block().mean() / 255, rel=1e-5)
-    with pytest.raises(UserError, match="a size of 1 makes no sense; give 4"):
-        Collection(tmp_path, size=1)
+    assert float(found.floats().mean()) == pytest.approx(block().mean() / 255, rel=1e-3)
+    with pytest.raises(UserError, match="a size of 1 is out of range; give 4"):
+        read(tmp_path, size=1)
 
 
 def test_float_pictures_with_nan_are_skipped(tmp_path):
     values = np.full((20, 20), np.nan, np.float32)
     Image.fromarray(values).save(tmp_path / "a.tif")
     save(tmp_path / "b.png")
-    assert "NaN" in dict(Collection(tmp_path).skipped)["a.tif"]
-    assert read_picture(tmp_path / "b.png").shape == (80, 80, 1)
+    assert "NaN" in dict(read(tmp_path).skipped)["a.tif"]
+    assert read_displayed(tmp_path / "b.png").shape == (80, 80, 1)
 
 
 @pytest.fixture
@@ -149,7 +149,7 @@ def pair(tmp_path):
 
 def test_views_are_radians_in_the_order_of_the_pictures(pair):
     (pair / "views.csv").write_text("file, azimuth, elevation\nsub/b.png, 90, -10\n\na.png,-45.5,0\n")
-    latents = Collection(pair).latents
+    latents = read(pair).latents
     assert latents is not None and set(latents) == {"azimuth", "elevation"}
     assert latents["azimuth"].tolist() == pytest.approx([math.radians(-45.5), math.pi / 2])
     assert latents["elevation"].tolist() == pytest.approx([0, math.radians(-10)])
@@ -158,7 +158,7 @@ def test_views_are_radians_in_the_order_of_the_pictures(pair):
 def test_views_of_a_skipped_picture_are_left_out(pair):
     (pair / "bad.png").write_bytes(b"x")
     (pair / "views.csv").write_text("file,azimuth\na.png,10\nbad.png,20\nsub/b.png,30\n")
-    found = Collection(pair)
+    found = read(pair)
     assert found.latents is not None
     assert found.latents["azimuth"].rad2deg().tolist() == pytest.approx([10, 30])
 
@@ -179,10 +179,10 @@ def test_views_of_a_skipped_picture_are_left_out(pair):
 def test_faults_of_views_are_named_by_line(pair, table, message):
     (pair / "views.csv").write_text(table)
     with pytest.raises(UserError, match=message):
-        Collection(pair)
+        read(pair)
 
 
 def test_views_in_another_encoding(pair):
     (pair / "views.csv").write_bytes("file,azimuth\na.png,1\n".encode("utf-16"))
     with pytest.raises(UserError, match="save it as CSV in UTF-8"):
-        Collection(pair)
+        read(pair)

@@ -10,13 +10,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from unproject._openimage import write_picture
+from unproject._pictures import write_picture
 from unproject._types import UserError
-from unproject.data import mixed_probes, probe_records, procedural_probes, read_probe, read_probes, resample_probe
-from unproject.data.readers.probes import directions
+from unproject.data import mixed_probes, procedural_probes, read_probe, read_probes, resample_probe
+from unproject.data.readers.probes import directions, find_probes
 from unproject.ops.environment import solid_angles
 
-MEASURED = Path(__file__).parents[3] / "shared" / "data" / "hdr" / "probes45_128x64.npz"
+MEASURED = Path(__file__).parents[4] / "shared" / "data" / "hdr" / "probes45_128x64.npz"
 GRADED = np.random.default_rng(0).gamma(0.3, 3.0, (16, 32, 3)).astype(np.float32)
 
 
@@ -206,7 +206,7 @@ def test_one_bad_file_is_named_and_skipped_unless_strict(tmp_path: Path) -> None
     with pytest.warns(UserWarning, match=r"1 of 2 light probes skipped.*bad\.npy: has 1 values"):
         probes, names = read_probes(tmp_path)
     assert names == ["a.npy"] and len(probes) == 1
-    assert [name for name, _ in probe_records(tmp_path).skipped] == ["bad.npy"]
+    assert [name for name, _ in find_probes(tmp_path).skipped] == ["bad.npy"]
     with pytest.raises(UserError, match=r"bad\.npy"):
         read_probes(tmp_path, strict=True)
     saved(tmp_path / "a.npy", -GRADED)

@@ -12,9 +12,9 @@ import torch
 import trimesh
 
 from unproject._types import UserError
-from unproject.data import Collection, observe, read_shapes
+from unproject.data import Collection, observe, read
 from unproject.data.readers.shapes import read_binvox, read_mesh
-from unproject.data.readers.voxelise import crossings, normalised, voxelise
+from unproject.data.readers.voxelise import coverage, crossings, normalised, voxelise
 
 MODELNET = Path(__file__).parents[3].parent / "shared/data/shapes3d/modelnet7_vox30_packbits.npz"
 
@@ -38,7 +38,7 @@ def test_binvox_round_trip_keeps_the_axes(tmp_path):
     grid[:, 2] = True
     write_binvox(tmp_path / "a.binvox", grid)
     assert np.array_equal(read_binvox(tmp_path / "a.binvox"), grid)
-    assert np.array_equal(Collection(tmp_path / "a.binvox").items[0], grid)
+    assert np.array_equal(read(tmp_path / "a.binvox").items[0], grid)
 
 
 def test_a_binvox_that_is_no_cube_is_padded(tmp_path):
@@ -52,27 +52,27 @@ def test_damaged_binvox_files_are_skipped_or_refused(tmp_path):
     whole = (tmp_path / "a.binvox").read_bytes()
     (tmp_path / "cut.binvox").write_bytes(whole[:-2])
     (tmp_path / "foreign.binvox").write_bytes(b"hello")
-    found = Collection(tmp_path)
+    found = read(tmp_path)
     assert found.names == ("a.binvox",)
     assert "voxels where 512 are announced" in dict(found.skipped)["cut.binvox"]
     with pytest.raises(UserError, match="no binvox header"):
-        Collection(tmp_path / "foreign.binvox")
+        read(tmp_path / "foreign.binvox")
     with pytest.raises(UserError, match="--strict"):
-        Collection(tmp_path, strict=True)
+        read(tmp_path, strict=True)
 
 
 def test_grids_of_different_sizes_need_a_size(tmp_path):
     write_binvox(tmp_path / "a.binvox", np.ones((8, 8, 8), bool))
     write_binvox(tmp_path / "b.binvox", np.ones((16, 16, 16), bool))
     with pytest.raises(UserError, match=r"different sizes \(a.binvox 8, b.binvox 16\); give a size"):
-        Collection(tmp_path)
-    assert Collection(tmp_path, size=8).items.shape == (2, 8, 8, 8)
+        read(tmp_path)
+    assert read(tmp_path, size=8).items.shape == (2, 8, 8, 8)
 
 
 def test_a_solid_box_has_its_volume_and_place():
     mesh = trimesh.creation.box(extents=(1.0, 0.5, 0.7))
     mesh.apply_translation((0.2, -0.3, 0.1))
-    share = voxelise(mesh.vertices, mesh.faces, 32, soft=True)
+    share = coverage(mesh.vertices, mesh.faces, 32)
     assert share.mean() * 8 == pytest.approx(0.35, rel=0.03)
     centres = (np.arange(32) + 0.5) / 16 - 1
     for axis, centre in enumerate((0.2, -0.3, 0.1)):
@@ -80,10 +80,10 @@ def test_a_solid_box_has_its_volume_and_place():
         assert (mass * centres).sum() / mass.sum() == pytest.approx(centre, abs=0.01)
 
 
-@pytest.mark.parametrize("soft", [False, True])
-def test_a_solid_sphere_has_its_volume(soft):
+@pytest.mark.parametrize("fill", [voxelise, coverage])
+def test_a_solid_sphere_has_its_volume(fill):
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.8)
-    assert voxelise(mesh.vertices, mesh.faces, 32, soft).mean() * 8 == pytest.approx(mesh.volume, rel=0.03)
+    assert fill(mesh.vertices, mesh.faces, 32).mean() * 8 == pytest.approx(mesh.volume, rel=0.03)
 
 
 def test_overlapping_and_inside_out_parts_stay_solid():
@@ -91,7 +91,7 @@ def test_overlapping_and_inside_out_parts_stay_solid():
     b.apply_translation((0.3, 0, 0))
     both = trimesh.util.concatenate([a, b])
     volume = 2 * a.volume - math.pi * (4 * 0.5 + 0.3) * (2 * 0.5 - 0.3) ** 2 / 12
-    assert voxelise(both.vertices, both.faces, 32, True).mean() * 8 == pytest.approx(volume, rel=0.03)
+    assert coverage(both.vertices, both.faces, 32).mean() * 8 == pytest.approx(volume, rel=0.03)
     assert np.allclose(voxelise(a.vertices, a.faces[:, ::-1], 32), voxelise(a.vertices, a.faces, 32))
 
 
@@ -106,7 +106,7 @@ def test_the_winding_number_of_a_closed_mesh_is_one_inside_from_every_side(axis)
 def test_a_mesh_with_a_hole_is_still_solid():
     mesh = trimesh.creation.icosphere(4, 0.8)
     open_faces = mesh.faces[mesh.triangles_center[:, 1] < 0.6]
-    holed = voxelise(mesh.vertices, open_faces, 32, True).mean() * 8
+    holed = coverage(mesh.vertices, open_faces, 32).mean() * 8
     assert holed == pytest.approx(mesh.volume, rel=0.1)
     below = mesh.volume - math.pi * 0.2**2 * (3 * 0.8 - 0.2) / 3
     assert holed > 0.97 * below
@@ -131,10 +131,10 @@ def test_meshes_of_every_format_are_read_upright(tmp_path, suffix):
     parts[1].apply_translation((0, 0.5, 0.2))
     path = tmp_path / f"a.{suffix}"
     trimesh.util.concatenate(parts).export(path)
-    volume = Collection(path).items[0]
+    volume = read(path).items[0]
     assert volume.shape == (32, 32, 32)
     assert volume[:, :16].sum() > volume[:, 16:].sum() > 0 and volume[:, 20:, 16:].sum() > volume[:, 20:, :16].sum()
-    turned = read_shapes(path, 16, up_axis="z").items[0]
+    turned = Collection.volumes(path, 16, up_axis="z").items[0]
     assert turned.shape == (16, 16, 16) and turned[:, :, :8].sum() != turned[:, :, 8:].sum()
 
 
@@ -142,7 +142,7 @@ def test_unreadable_meshes_are_named_and_skipped(tmp_path):
     trimesh.creation.icosphere(2).export(tmp_path / "a.ply")
     (tmp_path / "b.ply").write_bytes(b"ply\nnonsense")
     (tmp_path / "c.obj").write_text("v 0 0 0\n")
-    found = Collection(tmp_path, size=16)
+    found = read(tmp_path, size=16)
     assert found.names == ("a.ply",) and {name for name, _ in found.skipped} == {"b.ply", "c.obj"}
     with pytest.raises(ValueError, match="unreadable mesh"):
         read_mesh(tmp_path / "b.ply")
@@ -159,45 +159,45 @@ def packed(path: Path) -> np.ndarray:
 
 def test_packed_archives_are_selected_turned_up_and_padded(tmp_path):
     grids = packed(tmp_path / "a.npz")
-    chairs = Collection(f"{tmp_path}/a.npz:chair")
+    chairs = read(f"{tmp_path}/a.npz:chair")
     assert chairs.names == ("chair_00001", "chair_00002") and chairs.items.shape == (2, 32, 32, 32)
     occupied = chairs.items[0].nonzero()
     assert occupied.amin(0).tolist() == [11, 4, 32 - 1 - 6] and occupied.amax(0).tolist() == [20, 9, 25]
     assert chairs.items[0].sum() == grids[0].sum()
-    assert len(Collection(tmp_path / "a.npz")) == 4 and len(Collection(f"{tmp_path}/a.npz:chair/test")) == 1
-    assert len(read_shapes(tmp_path / "a.npz", classes=("bed", "chair"), split="train")) == 4
+    assert len(read(tmp_path / "a.npz")) == 4 and len(read(f"{tmp_path}/a.npz:chair/test")) == 1
+    assert len(Collection.volumes(tmp_path / "a.npz", classes=("bed", "chair"), split="train")) == 4
     with pytest.raises(UserError, match="no class 'sofa'; it has bed, chair"):
-        Collection(f"{tmp_path}/a.npz:sofa")
+        read(f"{tmp_path}/a.npz:sofa")
     with pytest.raises(UserError, match="no split 'dev'; it has train, test"):
-        read_shapes(tmp_path / "a.npz", split="dev")
+        Collection.volumes(tmp_path / "a.npz", split="dev")  # type: ignore[arg-type]
 
 
 def test_selecting_from_what_has_no_classes(tmp_path):
     np.savez(tmp_path / "a.npz", volume=np.ones((1, 8, 8, 8), bool))
     with pytest.raises(UserError, match="holds no classes to choose from"):
-        Collection(f"{tmp_path}/a.npz:chair")
-    assert read_shapes(tmp_path / "a.npz", 8).items.shape == (1, 8, 8, 8)
+        read(f"{tmp_path}/a.npz:chair")
+    assert Collection.volumes(tmp_path / "a.npz", 8).items.shape == (1, 8, 8, 8)
 
 
 def test_packed_volume_with_its_shape(tmp_path):
     grid = np.random.default_rng(0).random((2, 10, 10, 10)) > 0.5
     np.savez(tmp_path / "a.npz", volume=np.packbits(grid.reshape(2, -1), axis=1), shape=[10, 10, 10])
-    assert np.array_equal(Collection(tmp_path / "a.npz").items, grid)
+    assert np.array_equal(read(tmp_path / "a.npz").items, grid)
     np.savez(tmp_path / "a.npz", volume=np.zeros((2, 7), np.uint8), shape=[10, 10, 10])
     with pytest.raises(UserError, match="pack with np.packbits"):
-        Collection(tmp_path / "a.npz")
+        read(tmp_path / "a.npz")
 
 
 @pytest.mark.skipif(not MODELNET.exists(), reason="shared data is not here")
 def test_real_chairs_stand_upright():
-    chairs = Collection(f"{MODELNET}:chair/test").items
+    chairs = read(f"{MODELNET}:chair/test").floats()
     assert chairs.shape == (100, 32, 32, 32)
     legs, seats = chairs[:, :, 6:10].mean(), chairs[:, :, 13:17].mean()
     assert float(seats) > 1.5 * float(legs)
 
 
-def looks(*offsets: float):
-    """Ways of looking along z whose latent scales the picture, as duck-typed Observations."""
+def observations(*offsets: float):
+    """Projections along z whose latent scales the picture, as duck-typed Observations."""
 
     def prior(offset):
         return SimpleNamespace(sample=lambda n, rng: {"azimuth": offset + 0.1 * torch.rand(n, generator=rng)})
@@ -209,20 +209,20 @@ def looks(*offsets: float):
 
 
 def test_rendered_images_carry_their_own_latents():
-    shapes = Collection.from_tensor(torch.eye(8).expand(5, 8, 8, 8), names=list("abcde"))
-    seen = observe(shapes, looks(0.2, 0.6), each=7, seed=3, chunk=4)
+    shapes = Collection(torch.eye(8).expand(5, 8, 8, 8), names=list("abcde"))
+    seen = observe(shapes, observations(0.2, 0.6), each=7, seed=3, chunk=4)
     assert len(seen) == 35 and seen.names[:2] == ("a#0", "a#1") and seen.latents is not None
-    azimuth, look = seen.latents["azimuth"], seen.latents["look"]
-    assert torch.allclose(seen.items.amax((1, 2, 3)), azimuth) and torch.equal(look, (azimuth > 0.4).float())
-    assert 0 < look.mean() < 1
-    again = observe(shapes, looks(0.2, 0.6), each=7, seed=3, chunk=4)
-    other = observe(shapes, looks(0.2, 0.6), each=7, seed=4, chunk=4, binary=True)
+    azimuth, view = seen.latents["azimuth"], seen.latents["view"]
+    assert torch.allclose(seen.items.amax((1, 2, 3)), azimuth) and torch.equal(view, (azimuth > 0.4).float())
+    assert 0 < view.mean() < 1
+    again = observe(shapes, observations(0.2, 0.6), each=7, seed=3, chunk=4)
+    other = observe(shapes, observations(0.2, 0.6), each=7, seed=4, chunk=4, binary=True)
     assert torch.equal(again.items, seen.items) and set(other.items.unique().tolist()) == {0.0, 1.0}
 
 
-def test_looks_that_draw_different_latents_are_refused():
+def test_observations_that_draw_different_latents_are_refused():
     strange = SimpleNamespace(prior=SimpleNamespace(sample=lambda n, rng: {}), projection=lambda x: x.amax(3)[:, None])
     with pytest.raises(UserError, match="different latents"):
-        observe(torch.ones(20, 8, 8, 8), [*looks(0.5), strange])
-    with pytest.raises(UserError, match="at least one way"):
+        observe(torch.ones(20, 8, 8, 8), [*observations(0.5), strange])
+    with pytest.raises(UserError, match="at least one observation"):
         observe(torch.ones(2, 8, 8, 8), [])

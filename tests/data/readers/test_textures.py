@@ -11,15 +11,15 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from unproject._openimage import write_picture
+from unproject._pictures import write_picture
 from unproject._types import UserError
-from unproject.data import material_records, read_material, read_materials
+from unproject.data import Collection, read_material
+from unproject.data.readers.texture_maps import normals_from_height
 from unproject.data.readers.texture_names import role_of, words_of
-from unproject.data.readers.textures import normals_from_height
 from unproject.ops.exposure import linear_from_srgb
 from unproject.ops.maps import unpack_maps
 
-MEASURED = Path(__file__).parents[3] / "shared" / "data" / "materials" / "svbrdf"
+MEASURED = Path(__file__).parents[4] / "shared" / "data" / "materials" / "svbrdf"
 GREY = 128  # sRGB's middle: 0.2158605 linear
 LINEAR = 0.2158605
 FLAT = (128, 128, 255)
@@ -307,7 +307,7 @@ def test_floats_out_of_range_name_their_file(tmp_path: Path, name: str, value: A
 
 
 def test_missing_folders_and_damaged_files_are_named(tmp_path: Path) -> None:
-    for read in (read_material, lambda path: read_materials(path, 8)):
+    for read in (read_material, lambda path: Collection.materials(path, 8)):
         with pytest.raises(UserError, match="nowhere: there is no such folder"):
             read(tmp_path / "nowhere")
     path = paint(material(tmp_path) / "normal.png", noisy())
@@ -324,34 +324,35 @@ def test_a_folder_of_materials_at_any_depth(tmp_path: Path) -> None:
     material(tmp_path / "metal" / "iron", metallic=255)
     material(tmp_path / ".cache" / "old")
     paint(tmp_path / "wood" / "oak" / "preview.png", noisy())
-    x, names = read_materials(tmp_path, 4)
-    assert names == ["metal/iron", "wood/oak/textures"] and x.shape == (2, 8, 4, 4)
+    found = Collection.materials(tmp_path, 4)
+    x = found.items
+    assert found.names == ("metal/iron", "wood/oak/textures") and x.shape == (2, 8, 4, 4)
     assert x[0, :3].max() == 0 and x[1, :3].min() > 0
-    assert read_materials(tmp_path / "metal" / "iron", 4)[1] == ["iron"]
+    assert Collection.materials(tmp_path / "metal" / "iron", 4).names == ("iron",)
 
 
 def test_a_bad_material_is_named_and_skipped_unless_strict(tmp_path: Path) -> None:
     material(tmp_path / "good")
     material(tmp_path / "bad", roughness=None)
     paint(tmp_path / "worse" / "IMG_2041.png", 3)
-    with pytest.warns(UserWarning, match="2 of 3 materials skipped, the first: .*bad: has no roughness"):
-        _, names = read_materials(tmp_path, 4)
-    assert names == ["good"]
-    assert [name for name, _ in material_records(tmp_path, 4).skipped] == ["bad", "worse"]
+    with pytest.warns(UserWarning, match="2 of 3 skipped, the first: .*bad: has no roughness"):
+        found = Collection.materials(tmp_path, 4).warn_skipped()
+    assert found.names == ("good",)
+    assert [name for name, _ in found.skipped] == ["bad", "worse"]
     with pytest.raises(UserError, match="bad: has no roughness"):
-        read_materials(tmp_path, 4, strict=True)
+        Collection.materials(tmp_path, 4, strict=True)
     material(tmp_path / "good", roughness=noisy())
     with pytest.raises(UserError, match="none of the 3 materials"):
-        read_materials(tmp_path, 4)
+        Collection.materials(tmp_path, 4)
 
 
 def test_materials_stay_as_stored_if_they_are_of_one_size(tmp_path: Path) -> None:
     material(tmp_path / "a")
-    assert read_materials(tmp_path)[0].shape == (1, 8, SIZE, SIZE)
+    assert Collection.materials(tmp_path).items.shape == (1, 8, SIZE, SIZE)
     for name in ("color", "roughness"):
         paint(tmp_path / "b" / f"{name}.png", GREY, (SIZE, 2 * SIZE))
     with pytest.raises(UserError, match="a is 8 × 8 pixels and b 16 × 8; give a size"):
-        read_materials(tmp_path)
+        Collection.materials(tmp_path)
 
 
 def arrays(count: int | None = 2) -> dict[str, np.ndarray]:
@@ -366,8 +367,9 @@ def arrays(count: int | None = 2) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("count", [2, None])
 def test_an_archive_of_maps_is_taken_as_it_is(tmp_path: Path, count: int | None) -> None:
     np.savez(tmp_path / "a.npz", **arrays(count))  # pyright: ignore[reportArgumentType]
-    x, names = read_materials(tmp_path / "a.npz", 4)
-    assert x.shape == (count or 1, 8, 4, 4) and names == ["00000", "00001"][: count or 1]
+    found = Collection.materials(tmp_path / "a.npz", 4)
+    x = found.items
+    assert x.shape == (count or 1, 8, 4, 4) and found.names == ("00000", "00001")[: count or 1]
     assert x[0, :, 0, 0].tolist() == pytest.approx([0.3] * 3 + [0.04, 0.2, 0, 0, 1])
 
 
@@ -388,7 +390,7 @@ def test_bad_archives_say_why(tmp_path: Path, changed: dict[str, Any], reason: s
     held = {name: value for name, value in {**arrays(), **changed}.items() if value is not None}
     np.savez(tmp_path / "a.npz", **held)
     with pytest.raises(UserError, match=reason):
-        read_materials(tmp_path / "a.npz", 4)
+        Collection.materials(tmp_path / "a.npz", 4)
 
 
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured materials are not beside this checkout")

@@ -2,7 +2,7 @@
 
 Values are bool, uint8 (shares of 255) or float in [0, 1]. Pictures are (N, H, W), (N, C, H, W) or (N, H, W, C) with
 C of 1, 3 or 4; volumes (N, X, Y, Z); line integrals (N, D) or (N, 1, D), named `lines`. Known views may stand beside
-them as `azimuth` and `elevation`, or `angle`, (N,) radians.
+them as `azimuth` and `elevation`, or `angle`, (N,) radians. A .npy file is mapped into memory, not read.
 """
 
 from __future__ import annotations
@@ -17,9 +17,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from ..._pictures import UnusablePicture
 from ..._types import UserError
-from ..records import Records
-from .framing import AS_GIVEN, Framing, UnusablePicture, frame
+from .found import Found, chunks, to_bytes, to_floats, white_of
+from .framing import AS_GIVEN, frame
+from .how import How
+from .images import as_images
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
@@ -27,27 +30,30 @@ LINES = ("line", "lines", "line_integrals")
 LATENTS = ("azimuth", "elevation", "angle")
 
 
-def read_arrays(path: Path, size: int | None = None, framing: Framing | None = None, strict: bool = False) -> Records:
-    """Pictures (N, 1, H, W), volumes (N, X, Y, Z) or lines (N, 1, D) of an .npz, .npy or idx file.
+def read_arrays(path: Path, how: How) -> Found:
+    """Read pictures (N, C, H, W), volumes (N, X, Y, Z) or lines (N, 1, D) of an .npz, .npy or idx file.
 
-    Pictures are as given unless a framing is; `size` resamples pictures and volumes by area, and leaves lines alone.
+    Silhouettes are as they are unless a framing is given; a size resamples pictures and volumes, not lines.
 
     Raises:
-        UserError: naming the file, the key and what to mend.
+        UserError: naming the file, the key and what to fix.
     """
     arrays = load_arrays(path)
     key = _data_key(path, arrays)
     values = checked_values(arrays[key], f"{path}: {key}")
-    latents = _latents(path, arrays, len(values))
+    found = Found(values, latents=_latents(path, arrays, len(values)), source=str(path))
     if key in LINES:
-        return Records.from_tensor(_lines(path, key, values), latents, source=str(path))
+        return found._replace(items=_lines(path, key, values))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
-        return Records.from_tensor(resized_volumes(_volumes(path, key, values), size), latents, source=str(path))
-    return _pictures(path, key, values, latents, size, framing or AS_GIVEN, strict)
+        return found._replace(items=resized_volumes(_volumes(path, key, values), how.size))
+    pictures = _channels_first(path, key, values)
+    if how.images:
+        return found._replace(items=as_images(pictures, how.size, how.colour), white=white_of(values))
+    return _silhouettes(path, found, pictures, how)
 
 
 def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Every array of a file by its key; "array" if there is one without a name. Nothing is ever unpickled.
+    """Load every array of a file by its key; "array" if there is one without a name. Nothing is ever unpickled.
 
     Raises:
         UserError: if the file is missing, truncated or holds Python objects.
@@ -55,6 +61,9 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         if ".npz" not in path.suffixes and ".npy" not in path.suffixes:
             return {"array": read_idx(path)}
+        if ".npz" not in path.suffixes:
+            # Copy on write: torch takes only arrays that can be written to, and the file stays as it is.
+            return {"array": np.load(path, mmap_mode="c", allow_pickle=False)}
         with path.open("rb") as file:
             loaded = np.load(file, allow_pickle=False)
             return {key: loaded[key] for key in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
@@ -65,15 +74,15 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _why(error: Exception) -> str:
-    if "allow_pickle" in str(error) or "Object arrays" in str(error):
+    if any(words in str(error) for words in ("allow_pickle", "Object arrays", "Python objects")):
         return "holds Python objects, which are never loaded; save plain arrays of numbers"
     return f"is damaged or of another format ({' '.join(str(error).split())[:120]}); write or fetch it again"
 
 
 def read_idx(path: Path) -> np.ndarray:
-    """An idx file of bytes, gzipped or not: 0 0 8 d, d sizes as big-endian 32-bit integers, the values."""
+    """Read an idx file of bytes, gzipped or not: 0 0 8 d, d sizes as big-endian 32-bit integers, the values."""
     raw = path.read_bytes()
-    data = gzip.decompress(raw) if raw[:2] == b"\x1f\x8b" else raw
+    data = bytearray(gzip.decompress(raw) if raw[:2] == b"\x1f\x8b" else raw)  # one that can be written to, for torch
     if data[:3] != b"\x00\x00\x08" or len(data) < 4:
         raise ValueError("neither .npz, .npy nor an idx file of bytes")
     dims = data[3]
@@ -98,25 +107,26 @@ def _data_key(path: Path, arrays: Mapping[str, np.ndarray]) -> str:
     )
 
 
-def checked_values(values: np.ndarray, where: str) -> np.ndarray:
-    """float32 in [0, 1] of bool, uint8 or float values.
+def checked_values(values: np.ndarray, where: str) -> Tensor:
+    """uint8 of bool or uint8 values and float32 of others, without a copy where it needs none.
 
     Raises:
-        UserError: if the dtype is another, there is no value, or one is NaN or outside [0, 1].
+        UserError: if the dtype is another, there is no value, or a float is NaN or outside [0, 1].
     """
     if not (values.dtype == bool or values.dtype == np.uint8 or np.issubdtype(values.dtype, np.floating)):
         raise UserError(f"{where}: is of type {values.dtype}; save it as bool, uint8 or float32")
-    if values.size == 0:
+    if values.size == 0 or values.ndim == 0:
         raise UserError(f"{where}: is empty {values.shape}; give at least one item")
-    scale = 255 if values.dtype == np.uint8 and values.max() > 1 else 1
-    values = values.astype(np.float32) / scale
-    if not np.isfinite(values).all():
-        raise UserError(
-            f"{where}: has {int((~np.isfinite(values)).sum())} values that are NaN or infinite; replace them"
-        )
-    if values.min() < 0 or values.max() > 1:
-        raise UserError(f"{where}: values run from {values.min():g} to {values.max():g}; scale them to [0, 1]")
-    return values
+    if values.dtype in (bool, np.uint8):
+        return torch.from_numpy(values.view(np.uint8))
+    kept = torch.from_numpy(values.astype(np.float32, copy=False))
+    bad = sum(int((~torch.isfinite(part)).sum()) for part in chunks(kept))
+    if bad:
+        raise UserError(f"{where}: has {bad} values that are NaN or infinite; replace them")
+    low, high = float(kept.min()), float(kept.max())
+    if low < 0 or high > 1:
+        raise UserError(f"{where}: values run from {low:g} to {high:g}; scale them to [0, 1]")
+    return kept
 
 
 def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[str, Tensor] | None:
@@ -129,22 +139,22 @@ def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[s
     return {name: torch.from_numpy(value.astype(np.float32)) for name, value in found.items()} or None
 
 
-def _is_volume(values: np.ndarray) -> bool:
+def _is_volume(values: Tensor) -> bool:
     return values.ndim == 4 and values.shape[1] not in (1, 3, 4) and values.shape[-1] not in (1, 3, 4)
 
 
-def _volumes(path: Path, key: str, values: np.ndarray) -> Tensor:
+def _volumes(path: Path, key: str, values: Tensor) -> Tensor:
     values = values[:, 0] if values.ndim == 5 and values.shape[1] == 1 else values
     if values.ndim != 4 or len(set(values.shape[1:])) != 1:
-        raise UserError(f"{path}: {key}: is of shape {values.shape}; volumes are (N, X, Y, Z) with X = Y = Z")
-    return torch.from_numpy(values)
+        raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; volumes are (N, X, Y, Z) with X = Y = Z")
+    return values
 
 
-def _lines(path: Path, key: str, values: np.ndarray) -> Tensor:
+def _lines(path: Path, key: str, values: Tensor) -> Tensor:
     values = values[:, None] if values.ndim == 2 else values
     if values.ndim != 3 or values.shape[1] != 1:
-        raise UserError(f"{path}: {key}: is of shape {values.shape}; line integrals are (N, D) or (N, 1, D)")
-    return torch.from_numpy(values)
+        raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; line integrals are (N, D) or (N, 1, D)")
+    return values
 
 
 def resized_volumes(volumes: Tensor, size: int | None) -> Tensor:
@@ -159,52 +169,53 @@ def resized_volumes(volumes: Tensor, size: int | None) -> Tensor:
     if now < size <= now * 9 / 8:
         before = (size - now) // 2
         return F.pad(volumes, (before, size - now - before) * 3)
+    values = to_floats(volumes, white_of(volumes))[:, None]
     if size < now:
-        return F.interpolate(volumes[:, None], size=(size,) * 3, mode="area")[:, 0]
-    return F.interpolate(volumes[:, None], size=(size,) * 3, mode="trilinear", align_corners=False)[:, 0]
+        return F.interpolate(values, size=(size,) * 3, mode="area")[:, 0]
+    return F.interpolate(values, size=(size,) * 3, mode="trilinear", align_corners=False)[:, 0]
 
 
-def _pictures(
-    path: Path,
-    key: str,
-    values: np.ndarray,
-    latents: dict[str, Tensor] | None,
-    size: int | None,
-    framing: Framing,
-    strict: bool,
-) -> Records:
-    pictures = _channels_last(path, key, values)
-    found = range(len(pictures))
-    if framing == AS_GIVEN and (size is None or pictures.shape[1:3] == (size, size)) and pictures.shape[3] == 1:
-        images, skipped = torch.from_numpy(np.moveaxis(pictures, 3, 1).copy()), {}
-    else:
-        images, found, skipped = _framed(path, pictures, size or max(pictures.shape[1:3]), framing, strict)
-    whole = Records.from_tensor(values[:, :1], latents, source=str(path)).subset(list(found))
-    return Records.from_tensor(images, whole.latents, whole.names, tuple(skipped.items()), str(path))
-
-
-def _channels_last(path: Path, key: str, values: np.ndarray) -> np.ndarray:
-    """(N, H, W, C) of (N, H, W), (N, C, H, W) or (N, H, W, C)."""
+def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:
+    """(N, C, H, W) of (N, H, W), (N, C, H, W) or (N, H, W, C)."""
     if values.ndim == 3:
-        return values[..., None]
+        return values[:, None]
     if values.ndim == 4 and values.shape[1] in (1, 3, 4):
-        return np.moveaxis(values, 1, 3)
-    if values.ndim == 4 and values.shape[3] in (1, 3, 4):
         return values
-    raise UserError(f"{path}: {key}: is of shape {values.shape}; pictures are (N, H, W), (N, C, H, W) or (N, H, W, C)")
+    if values.ndim == 4 and values.shape[3] in (1, 3, 4):
+        return values.movedim(3, 1)
+    raise UserError(
+        f"{path}: {key}: is of shape {tuple(values.shape)}; pictures are (N, H, W), (N, C, H, W) or (N, H, W, C)"
+    )
 
 
-def _framed(
-    path: Path, pictures: np.ndarray, size: int, framing: Framing, strict: bool
-) -> tuple[Tensor, list[int], dict[str, str]]:
-    images, skipped = {}, {}
+def _silhouettes(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
+    framing, (channels, *sides) = how.framing or AS_GIVEN, pictures.shape[1:]
+    if framing == AS_GIVEN and channels == 1 and (how.size is None or sides == [how.size] * 2):
+        return found._replace(items=pictures)
+    return _framed(path, found, pictures, How(how.size or max(sides), framing=framing, strict=how.strict))
+
+
+def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
+    """The pictures that can be framed, in 8 bits unless they are floats whose values are kept."""
+    assert how.size is not None and how.framing is not None
+    images, skipped, white = {}, {}, white_of(pictures)
     for row, picture in enumerate(pictures):
         try:
-            images[row] = frame(picture, size, framing).image
+            images[row] = frame(to_floats(picture, white).movedim(0, 2).numpy(), how.size, how.framing).image
         except UnusablePicture as reason:
-            if strict:
-                raise UserError(f"{path}, item {row}: {reason}; mend or remove it, or leave out --strict") from None
+            if how.strict:
+                raise UserError(f"{path}, item {row}: {reason}; fix or remove it, or leave out --strict") from None
             skipped[f"{row:05d}"] = str(reason)
     if not images:
         raise UserError(f"{path}: none of the {len(pictures)} pictures can be used (item 0: {skipped['00000']})")
-    return torch.stack(list(images.values())), list(images), skipped
+    items = torch.stack([*images.values()])
+    exact = pictures.is_floating_point() and how.framing.threshold is None
+    rows = list(images)
+    return Found(
+        items if exact else to_bytes(items),
+        [f"{row:05d}" for row in rows],
+        None if found.latents is None else {name: value[rows] for name, value in found.latents.items()},
+        tuple(skipped.items()),
+        str(path),
+        1 if exact else 255,
+    )

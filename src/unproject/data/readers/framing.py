@@ -28,15 +28,13 @@ from scipy.ndimage import binary_erosion
 from torch import Tensor
 from torch.nn import functional
 
+from ..._pictures import UnusablePicture
 from ..._types import UserError
+from ...ops.resampling import interval_shares
 
 Mode = Literal["crop", "keep"]
 Polarity = Literal["auto", "light", "dark"]
 Window = tuple[float, float, float]
-
-
-class UnusablePicture(ValueError):
-    """This picture cannot be used; the message is the reason."""
 
 
 @dataclass(frozen=True)
@@ -175,8 +173,8 @@ def _bounding_box(mask: np.ndarray) -> tuple[tuple[int, int], int, int]:
 def area_resample(image: np.ndarray, window: Window, size: int) -> np.ndarray:
     """Step 4: (size, size) area averages of a window of an image (H, W); outside the image is 0."""
     top, left, side = window
-    down = overlap(image.shape[0], top, top + side, size)
-    across = overlap(image.shape[1], left, left + side, size)
+    down = cells(image.shape[0], top, top + side, size).numpy()
+    across = cells(image.shape[1], left, left + side, size).numpy()
     return np.clip(down @ image.astype(np.float32) @ across.T, 0, 1)
 
 
@@ -187,13 +185,11 @@ def centred_square(images: Tensor, size: int) -> Tensor:
     images = images[..., top : top + side, left : left + side]
     if size > side:
         return functional.interpolate(images, size=(size, size), mode="bilinear", align_corners=False)
-    weights = torch.from_numpy(overlap(side, 0, side, size)).to(images)
+    weights = cells(side, 0, side, size).to(images)
     return torch.einsum("ih,nchw,jw->ncij", weights, images, weights)
 
 
-def overlap(count: int, low: float, high: float, size: int) -> np.ndarray:
+def cells(count: int, low: float, high: float, size: int) -> Tensor:
     """(size, count): the share of output cell i, one of `size` in [low, high], that lies in input cell [j, j+1]."""
-    edges = np.linspace(low, high, size + 1)[:, None]
-    cells = np.arange(count)[None]
-    shared = np.minimum(edges[1:], cells + 1) - np.maximum(edges[:-1], cells)
-    return (shared.clip(min=0) * size / (high - low)).astype(np.float32)
+    target = torch.linspace(low, high, size + 1, dtype=torch.float64)
+    return interval_shares(torch.arange(count + 1, dtype=torch.float64), target).float()

@@ -1,4 +1,4 @@
-"""Folders of pictures of materials, one sub-folder a way of looking: `diffuse/`, `normal/`, `top/`, `grazing/`, …
+"""Folders of pictures of materials, one sub-folder for each observation: `diffuse/`, `normal/`, `top/`, `grazing/`, …
 
 What each holds need not belong together: no two pictures need show the same material. Maps are read as artists store
 them (sRGB albedos, perceptual roughness r with m = r², normals as ½ + ½ n, y up), photographs as they are.
@@ -13,20 +13,22 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..._openimage import read_picture
+from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
 from ...ops.maps import MAPS
-from ..records import Records
+from .found import Found
 from .framing import centred_square
 from .pictures import SUFFIXES
 
 FLOATING = (".exr", ".hdr")
 SMOOTHEST = 1e-3
+OBSERVATIONS = (*MAPS, "top", "grazing", "flash", "lamp", "raking", "coloured", "ambient")
+"""Names of sub-folders: maps, and photographs by their light and camera."""
 
 
-def read_sightings(path: Path, name: str, size: int, strict: bool = False) -> Records:
-    """(N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
+def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> Found:
+    """Read the pictures (N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
 
     The largest centred square of each picture is taken and averaged down.
 
@@ -43,25 +45,25 @@ def read_sightings(path: Path, name: str, size: int, strict: bool = False) -> Re
     skipped: dict[str, str] = {}
     for file in files:
         try:
-            found[file.relative_to(path).as_posix()] = _sighting(file, name, size)
+            found[file.relative_to(path).as_posix()] = _photograph(file, name, size)
         except UserError as reason:
             if strict:
                 raise
             skipped[file.relative_to(path).as_posix()] = str(reason)
     if not found:
         raise UserError(f"{folder}: none of the {len(files)} pictures can be used ({next(iter(skipped.values()))})")
-    return Records.from_tensor(torch.stack([*found.values()]), None, tuple(found), tuple(skipped.items()), str(folder))
+    return Found(torch.stack([*found.values()]), tuple(found), None, tuple(skipped.items()), str(folder))
 
 
-def holds_sightings(path: Path, names: tuple[str, ...]) -> bool:
-    """Whether a folder has a sub-folder of one of these names."""
-    return any((path / name).is_dir() for name in names)
+def photographed(path: Path) -> tuple[str, ...]:
+    """The observations that a folder has sub-folders of pictures for, in the order of `OBSERVATIONS`."""
+    return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
 
 
-def _sighting(file: Path, name: str, size: int) -> Tensor:
-    pixels, stored = read_picture(file)
+def _photograph(file: Path, name: str, size: int) -> Tensor:
+    pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
-        raise UserError(f"{file}: has values that are NaN or infinite; mend or remove it")
+        raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
     values = torch.from_numpy(np.moveaxis(pixels[..., : 3 if pixels.shape[2] >= 3 else 1], 2, 0).copy()).clamp(min=0)
     side = min(values.shape[1:])
     if side < size // 2:

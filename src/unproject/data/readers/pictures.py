@@ -1,72 +1,111 @@
-"""Folders of pictures: masks, RGBA cut-outs, photographs on a plain backdrop.
+"""Folders of pictures: masks, RGBA cut-outs, photographs on a plain backdrop; or pictures as they are.
 
 Files are taken recursively and in the order of their names. One that cannot be used is named and skipped. A file
-`views.csv` beside the pictures makes the views known: a header `file,azimuth[,elevation]`, degrees, one row a picture.
+`views.csv` beside the pictures makes the views known.
 """
 
 from __future__ import annotations
 
-import csv
-import math
-import warnings
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 import torch
-from PIL import Image, ImageOps, UnidentifiedImageError
 from torch import Tensor
 
+from ..._pictures import UnusablePicture, read_displayed
 from ..._types import UserError
-from ..records import Records
-from .framing import Framed, Framing, UnusablePicture, frame
+from .found import Found, to_bytes
+from .framing import Framed, Framing, frame
+from .how import How
+from .images import as_images
+from .views import views_beside
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-VIEWS = "views.csv"
 SIZE = 64
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Survey:
-    """What became of every picture of a folder."""
+class Survey(Generic[T]):
+    """What each picture of a folder became, or why it cannot be used."""
 
-    framed: dict[str, Framed]
-    skipped: dict[str, str]
+    used: dict[str, T] = field(default_factory=dict)
+    skipped: dict[str, str] = field(default_factory=dict)
 
 
-def read_folder(path: Path, size: int | None = None, framing: Framing | None = None, strict: bool = False) -> Records:
-    """Framed pictures (N, 1, size, size), 64 unless given, and their views if there is a `views.csv`.
+def read_pictures(path: Path, how: How) -> Found:
+    """Read a folder's pictures: silhouettes (N, 1, size, size), 64 by default; or images, as stored by default.
 
     Raises:
         UserError: if there is no folder, no picture, none that can be used, with `strict` one that cannot, or
             if `views.csv` does not fit.
     """
-    survey = survey_folder(path, size or SIZE, framing or Framing(), strict)
-    if not survey.framed:
-        name, reason = next(iter(survey.skipped.items()))
-        raise UserError(
-            f"{path}: none of the {len(survey.skipped)} pictures can be used ({name}: {reason}); "
-            f"look with `unproject data inspect {path}`, or change the threshold"
-        )
-    names = tuple(survey.framed)
-    views = path / VIEWS
-    latents = read_views(views, names, tuple(survey.skipped)) if views.is_file() else None
-    images = torch.stack([framed.image for framed in survey.framed.values()])
-    return Records.from_tensor(images, latents, names, tuple(survey.skipped.items()), str(path))
+    return _images(path, how) if how.images else silhouettes_of(path, survey_silhouettes(path, how))
 
 
-def survey_folder(path: Path, size: int, framing: Framing, strict: bool = False) -> Survey:
-    """Frame every picture of a folder, and say why each that cannot be used cannot."""
-    survey = Survey({}, {})
+def survey_silhouettes(path: Path, how: How) -> Survey[Framed]:
+    """Frame every picture of a folder."""
+    size, framing = how.size or SIZE, how.framing or Framing()
+    return _survey(path, lambda file: frame(unit_values(read_displayed(file)), size, framing), how.strict)
+
+
+def silhouettes_of(path: Path, survey: Survey[Framed]) -> Found:
+    """The coverage (N, 1, size, size) of framed pictures, in 8 bits."""
+    _check_used(path, survey)
+    return _found(path, survey, to_bytes(torch.stack([framed.image for framed in survey.used.values()])), 255)
+
+
+def _images(path: Path, how: How) -> Found:
+    def read(file: Path) -> Tensor:
+        pixels = torch.from_numpy(np.moveaxis(read_displayed(file), 2, 0).copy())
+        return as_images(pixels[None], how.size, how.colour)[0]
+
+    survey = _survey(path, read, how.strict)
+    _check_used(path, survey)
+    _check_sizes(path, survey)
+    images = [*survey.used.values()]
+    if any(image.is_floating_point() for image in images):
+        images = [image / 255 if image.dtype == torch.uint8 else image for image in images]
+    return _found(path, survey, torch.stack(images), 255 if images[0].dtype == torch.uint8 else 1)
+
+
+def _survey(path: Path, read: Callable[[Path], T], strict: bool) -> Survey[T]:
+    survey: Survey[T] = Survey()
     for file in picture_files(path):
         name = file.relative_to(path).as_posix()
         try:
-            survey.framed[name] = frame(read_picture(file), size, framing)
+            survey.used[name] = read(file)
         except UnusablePicture as reason:
             if strict:
-                raise UserError(f"{file}: {reason}; mend or remove it, or leave out --strict") from None
+                raise UserError(f"{file}: {reason}; fix or remove it, or leave out --strict") from None
             survey.skipped[name] = str(reason)
     return survey
+
+
+def _check_used(path: Path, survey: Survey[T]) -> None:
+    if not survey.used:
+        name, reason = next(iter(survey.skipped.items()))
+        raise UserError(
+            f"{path}: none of the {len(survey.skipped)} pictures can be used ({name}: {reason}); "
+            f"see `unproject data inspect {path}`, or change the threshold"
+        )
+
+
+def _check_sizes(path: Path, survey: Survey[Tensor]) -> None:
+    sizes = {tuple(image.shape[1:]): name for name, image in reversed(survey.used.items())}
+    if len(sizes) > 1:
+        told = ", ".join(f"{name} {width} x {height}" for (height, width), name in [*sizes.items()][:2])
+        raise UserError(f"{path}: pictures are of different sizes ({told}); give a size to bring them to")
+
+
+def _found(path: Path, survey: Survey[T], items: Tensor, white: int) -> Found:
+    names = tuple(survey.used)
+    latents = views_beside(path, names, tuple(survey.skipped))
+    return Found(items, names, latents, tuple(survey.skipped.items()), str(path), white)
 
 
 def picture_files(path: Path) -> list[Path]:
@@ -83,100 +122,6 @@ def _is_picture(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and not any(part.startswith((".", "__")) for part in path.parts)
 
 
-def read_picture(file: Path) -> np.ndarray:
-    """A picture as (H, W, C) float32 in [0, 1], C = 1 to 4, turned as its camera says.
-
-    Raises:
-        UnusablePicture: if it cannot be read, or is so large that Pillow takes it for a decompression bomb.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(file) as picture:
-                return _values(ImageOps.exif_transpose(picture))
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
-        raise UnusablePicture(f"too large: over {Image.MAX_IMAGE_PIXELS} pixels; make it smaller") from None
-    except UnidentifiedImageError:
-        raise UnusablePicture("unreadable: no picture of a known format") from None
-    except (OSError, SyntaxError, ValueError, EOFError, MemoryError, TypeError, IndexError) as error:
-        raise UnusablePicture(f"unreadable: {_reason(error)}") from None
-
-
-def _reason(error: BaseException) -> str:
-    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(text.split()) or type(error).__name__
-
-
-def _values(picture: Image.Image) -> np.ndarray:
-    if picture.mode.startswith(("I", "F")):
-        return _deep_values(picture)
-    transparent = "A" in picture.getbands() or "transparency" in picture.info
-    grey = picture.mode in ("1", "L", "LA")
-    mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
-    values = np.asarray(picture.convert(mode), dtype=np.float32) / 255
-    return values[..., None] if values.ndim == 2 else values
-
-
-def _deep_values(picture: Image.Image) -> np.ndarray:
-    """16-bit integers are shares of 65535, as PNG and TIFF mean them; floats are as they are."""
-    values = np.asarray(picture, dtype=np.float32)[..., None]
-    if not np.isfinite(values).all():
-        raise UnusablePicture("unreadable: has values that are NaN or infinite")
-    return np.clip(values / (1.0 if picture.mode == "F" else 65535.0), 0, 1)
-
-
-def read_views(file: Path, names: tuple[str, ...], skipped: tuple[str, ...] = ()) -> dict[str, Tensor]:
-    """The views of these pictures in radians, name of the latent → (N,), from a table in degrees.
-
-    Raises:
-        UserError: naming the line, if the table has no header, a row has no such file or no number, a file
-            has two rows, or a picture has none.
-    """
-    columns, rows = _read_table(file)
-    views: dict[str, list[float]] = {}
-    for line, row in rows:
-        name, degrees = _read_row(file, line, row, columns)
-        if name in views:
-            raise UserError(f"{file}, line {line}: {name} has a row already; keep one")
-        if name not in names and name not in skipped:
-            raise UserError(
-                f"{file}, line {line}: there is no picture {name} beside it; mend the name or remove the row"
-            )
-        views[name] = degrees
-    missing = [name for name in names if name not in views]
-    if missing:
-        raise UserError(
-            f"{file}: {len(missing)} pictures have no row, the first is {missing[0]}; "
-            "add them, or remove views.csv if views are unknown"
-        )
-    table = torch.tensor([views[name] for name in names], dtype=torch.float64) * (math.pi / 180)
-    return {column: table[:, k].float() for k, column in enumerate(columns)}
-
-
-def _read_table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The columns beside `file`, and (line number, cells) of each row."""
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as text:
-            reader = csv.reader(text)
-            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(map(str.strip, row))]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{file}: cannot be read as a table ({error}); save it as CSV in UTF-8") from None
-    header = rows[0][1] if rows else []
-    if header not in (["file", "azimuth"], ["file", "azimuth", "elevation"]):
-        raise UserError(
-            f"{file}, line 1: the header is file,azimuth or file,azimuth,elevation, not {','.join(header)!r}"
-        )
-    return header[1:], rows[1:]
-
-
-def _read_row(file: Path, line: int, row: list[str], columns: list[str]) -> tuple[str, list[float]]:
-    if len(row) != 1 + len(columns):
-        raise UserError(f"{file}, line {line}: has {len(row)} cells; give {1 + len(columns)}: file,{','.join(columns)}")
-    try:
-        degrees = [float(cell) for cell in row[1:]]
-    except ValueError:
-        degrees = [math.nan]
-    if not all(map(math.isfinite, degrees)):
-        raise UserError(f"{file}, line {line}: {','.join(row[1:])!r} is no angle; give degrees as numbers")
-    return row[0].replace("\\", "/"), degrees
+def unit_values(pixels: np.ndarray) -> np.ndarray:
+    """float32 in [0, 1] of uint8 pixels; floats as they are."""
+    return pixels.astype(np.float32) / 255 if pixels.dtype == np.uint8 else pixels

@@ -21,10 +21,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..._openimage import read_picture
+from ..._pictures import read_stored
 from ..._types import UserError
-from ..records import Records
+from ...ops.resampling import interval_shares
 from .arrays import load_arrays
+from .found import Found
 
 SUFFIXES = (".hdr", ".exr", ".npy")
 NOISE = 1e-3  # share of the maximum below zero that filters and lossy compression leave: cut at 0
@@ -47,22 +48,22 @@ def read_probe(path: str | PathLike[str], height: int | None = None) -> Tensor:
 def read_probes(
     path: str | PathLike[str], height: int | None = None, *, strict: bool = False
 ) -> tuple[Tensor, list[str]]:
-    """Probes (K, 3, H, W) and their names, from a file, a folder or an .npz, as `probe_records` finds them.
+    """Probes (K, 3, H, W) and their names, from a file, a folder or an .npz, as `find_probes` finds them.
 
     One that cannot be used is skipped with a warning that names it and says why.
 
     Raises:
-        UserError: as `probe_records`.
+        UserError: as `find_probes`.
     """
-    found = probe_records(path, height, strict)
+    found = find_probes(path, height, strict)
     if found.skipped:
-        skipped, total = len(found.skipped), len(found.skipped) + len(found)
+        skipped, total = len(found.skipped), len(found.skipped) + len(found.items)
         warnings.warn(f"{skipped} of {total} light probes skipped, the first: {found.skipped[0][1]}", stacklevel=2)
-    return found.items, list(found.names)
+    return found.items, list(found.names or ())
 
 
-def probe_records(path: str | PathLike[str], height: int | None = None, strict: bool = False) -> Records:
-    """Probes (K, 3, H, W) with their names, and which were skipped and why.
+def find_probes(path: str | PathLike[str], height: int | None = None, strict: bool = False) -> Found:
+    """Read probes (K, 3, H, W) with their names, and which were skipped and why.
 
     A folder is read recursively in the order of names; an .npz holds `probes` (K, H, W, 3) and, if they have any,
     `names`. Without a height, probes of one size stay as they are and others take the lowest of their heights.
@@ -86,7 +87,7 @@ def probe_records(path: str | PathLike[str], height: int | None = None, strict: 
             found[name] = probe if height is None else resample_probe(probe, height)
     if not found:
         raise UserError(f"{path}: none of the {len(skipped)} light probes can be used ({next(iter(skipped.values()))})")
-    return Records.from_tensor(_stacked(list(found.values())), None, tuple(found), tuple(skipped.items()), str(path))
+    return Found(_stacked(list(found.values())), tuple(found), None, tuple(skipped.items()), str(path))
 
 
 def _stacked(probes: list[Tensor]) -> Tensor:
@@ -140,7 +141,7 @@ def _stored_pixels(path: Path) -> np.ndarray:
         )
     if path.suffix.lower() == ".npy":
         return load_arrays(path)["array"]
-    picture = read_picture(path)
+    picture = read_stored(path)
     if picture.stored not in ("half", "float", "double"):
         raise UserError(f"{path}: holds {picture.stored} values, not linear radiance; give one stored as floats")
     return picture.pixels
@@ -195,16 +196,9 @@ def resample_probe(probe: Tensor, height: int, width: int | None = None) -> Tens
         raise UserError(f"light probe: cannot be {width} × {height} pixels; give at least one row and column")
     if probe.shape[-2:] == (height, width):
         return probe
-    rows = _shares(polar_edges(probe.shape[-2]), polar_edges(height)).to(probe.device)
-    columns = _shares(azimuth_edges(probe.shape[-1]), azimuth_edges(width)).to(probe.device)
+    rows = interval_shares(polar_edges(probe.shape[-2]), polar_edges(height)).to(probe.device)
+    columns = interval_shares(azimuth_edges(probe.shape[-1]), azimuth_edges(width)).to(probe.device)
     return torch.einsum("ih,...hw,jw->...ij", rows, probe.double(), columns).to(probe.dtype)
-
-
-def _shares(source: Tensor, target: Tensor) -> Tensor:
-    """(m, n): the share of target interval i, between edges i and i+1, that lies in source interval j."""
-    low, high = target[:-1, None], target[1:, None]
-    shared = torch.minimum(high, source[1:]) - torch.maximum(low, source[:-1])
-    return shared.clamp(min=0) / (high - low)
 
 
 def polar_edges(height: int) -> Tensor:

@@ -16,8 +16,9 @@ import torch
 from torch import Tensor
 
 from ..._types import UserError
-from ..records import Records
 from .arrays import checked_values, load_arrays, read_arrays, resized_volumes
+from .found import Found, to_floats, white_of
+from .how import How
 from .voxelise import normalised, triangles_of, voxelise
 
 UpAxis = Literal["y", "z"]
@@ -26,28 +27,16 @@ MESHES = (".obj", ".stl", ".ply", ".glb", ".gltf", ".off")
 SUFFIXES = (".binvox", *MESHES)
 
 
-def read_shapes(
+def find_volumes(
     path: Path,
-    resolution: int | None = None,
+    size: int | None = None,
     *,
     up_axis: UpAxis | None = None,
     classes: tuple[str, ...] = (),
     split: str | None = None,
-    fill: float = 0.9,
-    soft: bool = False,
     strict: bool = False,
-) -> Records:
-    """Volumes (N, R, R, R) of a file or folder; R is 32 for meshes and packed archives, else as stored, unless given.
-
-    Args:
-        path: an .npz, .binvox or mesh file, or a folder; an archive may be followed by `:class/split`.
-        resolution: voxels a side.
-        up_axis: the axis that points up in the files; y, but z in packed archives.
-        classes: classes of a packed archive; all unless given.
-        split: "train" (unless given) or "test" of a packed archive.
-        fill: half the longest side of a mesh in the frame [-1, 1]³.
-        soft: keep shares of voxels instead of cutting them at one half (meshes only).
-        strict: fail on a file that cannot be used instead of skipping it.
+) -> Found:
+    """Read the volumes of a file or folder (see `Collection.volumes`); meshes and packed archives are 32 by default.
 
     Raises:
         UserError: if nothing there can be used.
@@ -58,8 +47,8 @@ def read_shapes(
     elif path.suffix.lower() in SUFFIXES:
         files = [path]
     else:
-        return _read_archive(path, selector, resolution, up_axis, classes, split)
-    return _read_files(path, files, resolution, up_axis or "y", fill, soft, strict)
+        return _read_archive(path, selector, size, up_axis, classes, split)
+    return _read_files(path, files, size, up_axis or "y", strict)
 
 
 def split_selector(path: Path) -> tuple[Path, str]:
@@ -94,7 +83,7 @@ def _read_archive(
     up_axis: UpAxis | None,
     classes: tuple[str, ...],
     split: str | None,
-) -> Records:
+) -> Found:
     if not path.exists():
         raise UserError(f"{path}: there is no such file or folder; check the path")
     if not is_shape_archive(path):
@@ -109,15 +98,15 @@ def _read_archive(
         volumes, names = _selected(path, arrays, chosen, split or part or "train")
         up, resolution = up_axis or "z", resolution or 32
     whole = resized_volumes(turned_up(volumes, up), resolution)
-    return Records.from_tensor(whole, None, names, source=f"{path}{':' * bool(selector)}{selector}")
+    return Found(whole, names, source=f"{path}{':' * bool(selector)}{selector}")
 
 
-def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis) -> Records:
-    found = read_arrays(path, resolution)
+def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis) -> Found:
+    found = read_arrays(path, How(resolution))
     if selector or found.items.shape[1] != found.items.shape[-1]:
         kind = "classes to choose from" if selector else "volumes"
         raise UserError(f"{path}: holds no {kind}; save them as volume (N, X, Y, Z)")
-    return Records(turned_up(found.items, up_axis), found.names, found.latents, found.skipped, found.source)
+    return found._replace(items=turned_up(found.items, up_axis))
 
 
 def _selected(
@@ -143,26 +132,24 @@ def _unpacked(path: Path, bits: np.ndarray, shape: np.ndarray) -> Tensor:
     sides = [int(n) for n in np.atleast_1d(shape)][-3:]
     count = int(np.prod(sides))
     if bits.ndim == 4:
-        return torch.from_numpy(checked_values(bits, str(path)))
+        return checked_values(bits, str(path))
     if bits.dtype != np.uint8 or bits.ndim != 2 or len(set(sides)) != 1 or bits.shape[1] != -(-count // 8):
         raise UserError(
             f"{path}: {bits.dtype} {bits.shape} are no bits of grids {sides}; pack with np.packbits(x, axis=1)"
         )
-    return torch.from_numpy(np.unpackbits(bits, axis=1)[:, :count].reshape(-1, *sides)).float()
+    return torch.from_numpy(np.unpackbits(bits, axis=1)[:, :count].reshape(-1, *sides))
 
 
-def _read_files(
-    path: Path, files: list[Path], resolution: int | None, up_axis: UpAxis, fill: float, soft: bool, strict: bool
-) -> Records:
+def _read_files(path: Path, files: list[Path], resolution: int | None, up_axis: UpAxis, strict: bool) -> Found:
     volumes, skipped = {}, {}
     for file in files:
         name = file.relative_to(path).as_posix() if path.is_dir() else file.name
         try:
-            volumes[name] = _read_file(file, resolution, up_axis, fill, soft)
+            volumes[name] = _read_file(file, resolution, up_axis)
         except (OSError, ValueError, KeyError, IndexError, TypeError, NotImplementedError) as error:
             reason = " ".join(str(error).split())[:160] or type(error).__name__
             if strict:
-                raise UserError(f"{file}: {reason}; mend or remove it, or leave out --strict") from None
+                raise UserError(f"{file}: {reason}; fix or remove it, or leave out --strict") from None
             skipped[name] = reason
     if not volumes:
         first = f" ({next(iter(skipped.items()))[0]}: {next(iter(skipped.values()))})" if skipped else ""
@@ -170,9 +157,7 @@ def _read_files(
             f"{path}: no shape can be used{first}; give {', '.join(s[1:] for s in SUFFIXES)} files or an .npz of voxels"
         )
     _check_sizes(path, volumes)
-    return Records.from_tensor(
-        torch.stack(list(volumes.values())), None, tuple(volumes), tuple(skipped.items()), str(path)
-    )
+    return Found(_stacked(volumes), tuple(volumes), None, tuple(skipped.items()), str(path))
 
 
 def _check_sizes(path: Path, volumes: dict[str, Tensor]) -> None:
@@ -182,13 +167,20 @@ def _check_sizes(path: Path, volumes: dict[str, Tensor]) -> None:
         raise UserError(f"{path}: grids are of different sizes ({told}); give a size to bring them to")
 
 
-def _read_file(file: Path, resolution: int | None, up_axis: UpAxis, fill: float, soft: bool) -> Tensor:
+def _stacked(volumes: dict[str, Tensor]) -> Tensor:
+    """All of them, as floats if one of them is."""
+    grids = [*volumes.values()]
+    mixed = any(grid.is_floating_point() for grid in grids)
+    return torch.stack([to_floats(grid, white_of(grid[None])) for grid in grids] if mixed else grids)
+
+
+def _read_file(file: Path, resolution: int | None, up_axis: UpAxis) -> Tensor:
     if file.suffix.lower() == ".binvox":
         return resized_volumes(turned_up(read_binvox(file)[None], up_axis), resolution)[0]
-    return read_mesh(file, resolution or 32, up_axis, fill, soft)
+    return read_mesh(file, resolution or 32, up_axis)
 
 
-def read_mesh(file: Path, resolution: int = 32, up_axis: UpAxis = "y", fill: float = 0.9, soft: bool = False) -> Tensor:
+def read_mesh(file: Path, resolution: int = 32, up_axis: UpAxis = "y") -> Tensor:
     """The solid (R, R, R) inside a mesh, centred and scaled into the frame.
 
     Raises:
@@ -205,7 +197,7 @@ def read_mesh(file: Path, resolution: int = 32, up_axis: UpAxis = "y", fill: flo
         raise ValueError("unreadable mesh: vertices are NaN or infinite")
     if up_axis == "z":
         vertices = vertices[:, [0, 2, 1]] * np.array([1, 1, -1])
-    return torch.from_numpy(voxelise(normalised(vertices, fill), faces, resolution, soft))
+    return torch.from_numpy(voxelise(normalised(vertices), faces, resolution))
 
 
 def read_binvox(file: Path) -> Tensor:
@@ -231,4 +223,4 @@ def read_binvox(file: Path) -> Tensor:
     grid = np.repeat(runs[:, 0] > 0, runs[:, 1]).reshape(depth, width, height).transpose(0, 2, 1)
     side = max(grid.shape)
     margins = [((side - n) // 2, side - n - (side - n) // 2) for n in grid.shape]
-    return torch.from_numpy(np.pad(grid, margins)).float()
+    return torch.from_numpy(np.pad(grid, margins).astype(np.uint8))

@@ -17,10 +17,15 @@ SAMPLES = 3
 """Sample points per voxel and axis."""
 
 
-def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int, soft: bool = False) -> np.ndarray:
-    """(R, R, R) float32: voxels of [-1, 1]³ at least half inside the mesh; with `soft` the shares inside.
+def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
+    """(R, R, R) uint8, 0 or 1: the voxels of [-1, 1]³ that are at least half inside the mesh."""
+    return (coverage(vertices, faces, resolution) >= 0.5).astype(np.uint8)
 
-    Faces without thickness would vanish: voxels they pass through are kept where nothing solid is near.
+
+def coverage(vertices: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
+    """(R, R, R) float32: the share of each voxel of [-1, 1]³ that is inside the mesh.
+
+    Faces without thickness would vanish: voxels they pass through are 1 where nothing solid is near.
     """
     fine = resolution * SAMPLES
     triangles = (vertices[faces].astype(np.float64) + 1) * fine / 2 - 0.5
@@ -33,7 +38,7 @@ def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int, soft: boo
     inside = np.abs(np.median(np.stack(votes), axis=0)) > 0.5
     share = _pooled(inside.astype(np.float32), resolution)
     sheets = (_pooled(touched.astype(np.float32), resolution) > 0) & ~binary_dilation(share > 0, np.ones((3, 3, 3)))
-    return np.where(sheets, 1.0, share if soft else share >= 0.5).astype(np.float32)
+    return np.where(sheets, 1.0, share).astype(np.float32)
 
 
 def crossings(triangles: np.ndarray, axis: int, fine: int) -> np.ndarray:
