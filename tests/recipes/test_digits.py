@@ -14,7 +14,7 @@ from unproject._types import UserError
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.learned_prior import LearnedPrior
 from unproject.data import digits as embedded
-from unproject.data.collection import padded
+from unproject.data.readers.images import fitted
 from unproject.projections.base import Identity
 from unproject.recipes import find
 from unproject.recipes.digits import digits, digits_paper
@@ -79,7 +79,7 @@ def test_larger_pictures_are_resampled(tmp_path: Path) -> None:
 
 
 def test_an_odd_margin() -> None:
-    assert torch.equal(padded(torch.ones(1, 1, 1, 2), 4)[0, 0].nonzero(), torch.tensor([[1, 1], [1, 2]]))
+    assert torch.equal(fitted(torch.ones(1, 1, 1, 2), 4)[0, 0].nonzero(), torch.tensor([[1, 1], [1, 2]]))
 
 
 def test_volumes_are_refused(tmp_path: Path) -> None:

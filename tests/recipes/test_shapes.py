@@ -52,7 +52,7 @@ def test_known_views(recipe: Callable[..., Recipe], volumes: Path) -> None:
     for observation, collection in made.looks:
         assert collection.latents is not None
         assert observation.prior.contains(collection.latents).all()
-        assert {f"azimuth-{int(k):02d}" for k in collection.latents["look"]} == {observation.name}
+        assert {f"azimuth-{int(k):02d}" for k in collection.latents["view"]} == {observation.name}
 
 
 @both
@@ -204,7 +204,7 @@ def test_pictures_of_unknown_views(masks: Path) -> None:
 
 def test_views_that_fall_into_no_bin() -> None:
     latents = {"azimuth": torch.zeros(2), "elevation": torch.full((2,), 0.7)}
-    high = Collection.from_tensor(torch.ones(2, 1, 16, 16), latents)
+    high = Collection(torch.ones(2, 1, 16, 16), latents=latents)
     with pytest.raises(UserError, match="known view of 2 of 2 images lies outside every bin"):
         by_known_view(high, azimuth_bins(4))
 

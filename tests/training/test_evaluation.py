@@ -28,7 +28,7 @@ def test_true_views_are_the_bins_of_the_known_latents() -> None:
     true = true_views(recipe, panel)
     latents = recipe.looks[0][1].latents
     assert true is not None and latents is not None
-    assert torch.equal(true, latents["look"].long())
+    assert torch.equal(true, latents["view"].long())
 
 
 def test_assigned_ways_are_those_of_the_newest_checkpoint(run: Run) -> None:

@@ -70,14 +70,14 @@ UNSEEN = 2**40  # the seed of materials that no recipe trains on
 
 def _reference(path: Path | None, stored: dict[str, Any], one: Tensor, count: int) -> Collection | None:
     """Held-out things: what the user names, else those kept of the embedded default if the run was trained on it."""
-    from ..data import Collection, chairs, digits, read, read_images, read_materials
+    from ..data import Collection, chairs, digits, read
     from ..ops.maps import kind_of
 
     kind, size = kind_of(one), one.shape[-1]
     if path is not None:
         if kind == "maps":
-            return Collection(read_materials(path, size)[0])
-        return read_images(path, size) if kind == "image" else read(path, size=size)
+            return Collection.materials(path, size).warn_skipped()
+        return read(path, size, pictures="images" if kind == "image" else "silhouettes")
     if stored["arguments"].get("data") is not None:
         return None
     if kind == "maps":

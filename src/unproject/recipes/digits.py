@@ -19,7 +19,7 @@ from ..adversarial.augmentation import Shift
 from ..adversarial.gaussian_start import GaussianStart
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..data import Collection, observe, read_images
+from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
 from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
 from ..projections.line_integral import LineIntegral, directions
@@ -184,7 +184,7 @@ def look_through(
     With `whole`, unknown directions may lie anywhere around. Where they are confined to one half of a turn, images
     that are turned ask for lines read from the other end, and what was learned turned never comes right.
     """
-    found = Collection(embedded_digits(size)) if data is None else read_images(data, size)
+    found = Collection(embedded_digits(size)) if data is None else read(data, size, pictures="images")
     measured = found.items.dim() == 3
     line_integral = LineIntegral(found.items.shape[2] if measured else size)
     ways = directions(bins, math.radians(spread), line_integral)
@@ -200,6 +200,6 @@ def look_through(
 
 def readings(looks: Looks) -> tuple[float, float]:
     """Mean and deviation of what was seen, to three digits: the last ones depend on the number of threads."""
-    collections = {id(collection): collection.items for _, collection in looks}
+    collections = {id(collection): collection.floats() for _, collection in looks}
     seen = torch.cat([items.flatten() for items in collections.values()])
     return float(f"{seen.mean():.3g}"), float(f"{seen.std().clamp_min(1e-6):.3g}")

@@ -36,15 +36,13 @@ from ..adversarial.penalties import R1R2
 from ..data import (
     Collection,
     correlated,
-    holds_sightings,
     material_patches,
     metal,
     observe,
+    photographed,
     plastic,
     procedural_probes,
-    read_materials,
     read_probes,
-    read_sightings,
     wood,
 )
 from ..networks import DCGANDiscriminator, DCGANMaterials, StationaryMaterials, TextureDiscriminator
@@ -232,8 +230,8 @@ Source = Callable[[Observation, int], Tensor]
 def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
     """Where pictures come from: a world without end, the materials of `data`, or folders of pictures, one a look."""
     if data is not None and are_sightings(data):
-        return lambda look, count: _first(read_sightings(data, look.name, size).items, count, seed)
-    found = None if data is None else read_materials(data, None if data.suffix == ".npz" else ENLARGED * size)[0]
+        return lambda look, count: _first(Collection.photographs(data, look.name, size).items, count, seed)
+    found = None if data is None else textures_of(data, size)
 
     def see(look: Observation, count: int) -> Tensor:
         own = derived_seed(seed, 0, f"materials/{look.name}")
@@ -248,9 +246,14 @@ def source_of(world: World, data: Path | None, size: int, seed: int) -> Source:
     return see
 
 
+def textures_of(data: Path, size: int) -> Tensor:
+    """The maps of `data`: an .npz as it is, texture sets larger than what is cut out of them."""
+    return Collection.materials(data, None if data.suffix == ".npz" else ENLARGED * size).warn_skipped().items
+
+
 def are_sightings(data: Path | None) -> bool:
     """Whether a folder has sub-folders of pictures, one a look."""
-    return data is not None and holds_sightings(data, (*MAPS, *SEEN_FROM))
+    return data is not None and bool(photographed(data))
 
 
 def with_mirror_images(source: Source) -> Source:
@@ -276,7 +279,7 @@ def mirrored(look: str, seen: Tensor, axes: tuple[int, ...]) -> Tensor:
 
 def looks_of(data: Path | None) -> tuple[str, ...]:
     """The observations that `data` has sub-folders for, if it has any; else the maps, flash, coloured and ambient."""
-    found = () if data is None else tuple(name for name in (*MAPS, *SEEN_FROM) if holds_sightings(data, (name,)))
+    found = () if data is None else photographed(data)
     return found or (*MAPS, "flash", "coloured", "ambient")
 
 
@@ -333,7 +336,7 @@ def way_of(name: str, natural: Tensor | None, samples: int, care: Care = PLAIN) 
 def seen_by(look: Observation, pictures: Tensor) -> tuple[Observation, Collection]:
     """An observation whose results are brought to the mean and deviation of what it saw, and that, likewise."""
     brought = standardised(look.projection, pictures)
-    seen = Collection.from_tensor(brought.standardise(pictures), source=f"{len(pictures)} through {look.name}")
+    seen = Collection(brought.standardise(pictures), source=f"{len(pictures)} through {look.name}")
     return Observation(look.name, brought, look.prior, look.weight, look.smoothing), seen
 
 

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from .._types import UserError
 from ..data import (
+    Collection,
     birds,
     cars,
     chairs,
@@ -29,8 +30,6 @@ from ..data import (
     mixed_probes,
     observe,
     read,
-    read_images,
-    read_materials,
     read_probes,
 )
 from ..data.readers.voxelise import normalised, voxelise
@@ -150,7 +149,7 @@ def file(name: str, reference: str | None = None) -> Source:
     kept = reference or name
 
     def learned_from(place: Place) -> Tensor:
-        return read(there(place, name), size=place.size).items
+        return read(there(place, name), size=place.size).floats()
 
     def there(place: Place, what: str) -> str:
         path, colon, part = what.partition(":")
@@ -158,7 +157,7 @@ def file(name: str, reference: str | None = None) -> Source:
 
     return Source(
         lambda place: {"data": Path(there(place, name))},
-        lambda place: read(there(place, kept), size=place.size).items,
+        lambda place: read(there(place, kept), size=place.size).floats(),
         learned_from if reference else None,
         real=True,
     )
@@ -169,7 +168,7 @@ def mnist_pictures(place: Place, part: str) -> Path:
 
 
 def mnist(part: str) -> Draw:
-    return lambda place: read_images(mnist_pictures(place, part), place.size).items
+    return lambda place: Collection.images(mnist_pictures(place, part), place.size).floats()
 
 
 def mnist_flags(place: Place) -> Flags:
@@ -250,7 +249,7 @@ def _save_probes(folder: Path, probes: Tensor) -> None:
 def _materials(name: str, place: Place) -> Materials:
     if name in WORLDS:
         return partial(_of_world, name, place.size)
-    sets = read_materials(place.real(f"materials/svbrdf/{SETS[name]}"), 4 * place.size)[0]
+    sets = Collection.materials(place.real(f"materials/svbrdf/{SETS[name]}"), 4 * place.size).warn_skipped().items
     turn = 0.1 if SETS[name] == "wood" else math.pi  # grain goes up and down
     return lambda count, seed: material_patches(sets, count, place.size, seed, turn=turn)
 
@@ -298,7 +297,7 @@ SOURCES: dict[str, Source] = {
     "birds-photographs": file("silhouettes/bird_cub_aves_64.npz"),
     "cars-meshes": Source(
         lambda place: {"data": car_volumes(place)},
-        lambda place: read(car_volumes(place), size=place.size).items,
+        lambda place: read(car_volumes(place), size=place.size).floats(),
         real=True,
     ),
     "digits": Source(built_in, lambda place: digits(place.size, held_out=True), lambda place: digits(place.size)),

@@ -59,7 +59,7 @@ def evaluate(
     generated = run.generator.sample(n, seed)
     scores: dict[str, Score] = {}
     if reference is not None:
-        scores |= _scores(recipe, panel, generated, reference.items, seed)
+        scores |= _scores(recipe, panel, generated, reference.floats(), seed)
     true = true_views(recipe, panel)
     if isinstance(recipe.assignment, Predicted) and true is not None:
         best = supervised_ceiling(panel, true, recipe.seed) if ceiling else None

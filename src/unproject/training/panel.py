@@ -89,7 +89,7 @@ def _panel(recipe: Recipe, looks: Looks) -> Panel:
     observations = tuple(observation for observation, _ in looks)
     if not isinstance(recipe.assignment, Known):
         return _unassigned_panel(recipe, looks, observations)
-    items = torch.cat([collection.items for _, collection in looks])
+    items = torch.cat([collection.floats() for _, collection in looks])
     ways = torch.cat([torch.full((len(collection),), way) for way, (_, collection) in enumerate(looks)])
     return Panel(observations, items, ways, ways.clone(), recipe.discriminator(tuple(items.shape[1:]), len(looks)))
 
@@ -103,7 +103,7 @@ def _unassigned_panel(recipe: Recipe, looks: Looks, observations: tuple[Observat
     heads = 1 if not isinstance(assignment, Predicted) else assignment.clusters or len(looks)
     discriminator = recipe.discriminator(tuple(collection.items.shape[1:]), heads)
     distribution = WayDistribution(len(looks)) if isinstance(assignment, LearnedPrior) else None
-    return Panel(observations, collection.items, ways, torch.zeros_like(ways), discriminator, distribution)
+    return Panel(observations, collection.floats(), ways, torch.zeros_like(ways), discriminator, distribution)
 
 
 def panel_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
