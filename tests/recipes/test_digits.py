@@ -68,7 +68,7 @@ def test_an_idx_file_gets_a_margin(tmp_path: Path) -> None:
     (tmp_path / "some-idx3-ubyte.gz").write_bytes(gzip.compress(header + images.tobytes()))
     ((_, collection),) = digits(data=tmp_path / "some-idx3-ubyte.gz", views="direct", steps=1).looks
     assert collection.items.shape == (5, 1, 32, 32)
-    torch.testing.assert_close(collection.items[:, 0, 2:30, 2:30], torch.from_numpy(images / 255.0).float())
+    torch.testing.assert_close(collection.floats()[:, 0, 2:30, 2:30], torch.from_numpy(images / 255.0).float())
     assert not collection.items[:, 0, :2].any() and not collection.items[:, 0, :, 30:].any()
 
 
@@ -84,7 +84,7 @@ def test_an_odd_margin() -> None:
 
 def test_volumes_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "volumes.npz", volume=np.ones((3, 16, 16, 16), np.float32))
-    with pytest.raises(UserError, match="no pictures of one channel"):
+    with pytest.raises(UserError, match="holds volumes; images are learned from"):
         digits(data=tmp_path / "volumes.npz", steps=1)
 
 

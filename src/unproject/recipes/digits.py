@@ -185,6 +185,8 @@ def look_through(
     that are turned ask for lines read from the other end, and what was learned turned never comes right.
     """
     found = Collection(embedded_digits(size)) if data is None else read(data, size, pictures="images")
+    if found.shape[0] != 1:
+        raise UserError(f"{data}: holds volumes; images are learned from pictures or line integrals")
     measured = found.items.dim() == 3
     line_integral = LineIntegral(found.items.shape[2] if measured else size)
     ways = directions(bins, math.radians(spread), line_integral)
