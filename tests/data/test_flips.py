@@ -1,4 +1,4 @@
-"""Flips against the cameras: the mirror image of a thing, seen from θ, is its flipped picture from -θ."""
+"""Flips against the cameras: the mirror image of an object, seen from θ, is its flipped picture from -θ."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from unproject.data import Collection, observe, with_flips
 from unproject.projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 
 RNG = torch.Generator().manual_seed(0)
-THINGS = torch.rand(6, 12, 12, 12, generator=RNG) ** 4
+VOLUMES = torch.rand(6, 12, 12, 12, generator=RNG) ** 4
 
 
-@pytest.mark.parametrize("looks", [azimuth_bins(5), azimuth_elevation_bins(3, 3)], ids=["level", "tilted"])
-def test_flipped_pictures_are_pictures_of_mirrored_things(looks: tuple) -> None:
-    seen = with_flips(observe(THINGS, looks, each=2))
-    mirrored = with_flips(Collection(THINGS)).items[1::2].repeat_interleave(2, 0)
+@pytest.mark.parametrize("views", [azimuth_bins(5), azimuth_elevation_bins(3, 3)], ids=["level", "tilted"])
+def test_flipped_pictures_are_pictures_of_mirrored_volumes(views: tuple) -> None:
+    seen = with_flips(observe(VOLUMES, views, each=2))
+    mirrored = with_flips(Collection(VOLUMES)).items[1::2].repeat_interleave(2, 0)
     assert seen.latents is not None and sorted(seen.latents) == ["azimuth", "elevation"]
     theta = {name: value[1::2] for name, value in seen.latents.items()}
     torch.testing.assert_close(Silhouette(fast=False)(mirrored, **theta), seen.items[1::2], atol=1e-4, rtol=0)

@@ -72,8 +72,12 @@ def test_a_framing_reaches_the_pictures(folder: Path) -> None:
 def test_the_verb_shows_the_size_that_the_recipe_takes(folder: Path, capsys, recipe: str) -> None:
     size = inspect_module.signature(find(recipe)).parameters["size"].default
     assert main(["data", "inspect", str(folder), "--for", recipe, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["used"] == 3 and told["shape"] == [3, 1, size, size] and told["skipped"][0]["name"] == "d.png"
+    described = json.loads(capsys.readouterr().out)
+    assert (
+        described["used"] == 3
+        and described["shape"] == [3, 1, size, size]
+        and described["skipped"][0]["name"] == "d.png"
+    )
 
 
 def test_the_verb_shows_shapes_unless_told_otherwise_and_obeys_a_size(folder: Path, capsys) -> None:

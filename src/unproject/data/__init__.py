@@ -22,7 +22,7 @@ from .readers.photographs import OBSERVATIONS, photographed
 from .readers.probes import read_probe, read_probes, resample_probe
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
-from .sampling import batch_rows, held_out
+from .sampling import batch_rows
 
 __all__ = [
     "AS_GIVEN",
@@ -48,7 +48,6 @@ __all__ = [
     "digits",
     "frame",
     "get",
-    "held_out",
     "inspect",
     "inspect_materials",
     "material_patches",

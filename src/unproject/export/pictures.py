@@ -36,7 +36,6 @@ def contact_sheet(
     elevation: float = ELEVATION,
     size: int = 192,
     names: Sequence[str] | None = None,
-    across: bool = False,
 ) -> Image.Image:
     """Every shape (a row) seen from every azimuth (a column), all at one scale.
 
@@ -45,16 +44,13 @@ def contact_sheet(
         path: where to write the picture too, by its suffix (.png).
         azimuths, elevation: of the cameras, radians.
         size: pixels of one view.
-        names: labels of the shapes; their numbers if left out.
-        across: a shape is a column and a view a row.
+        names: labels of the shapes; default: their numbers.
     """
     batch = as_batch(volumes)
     extent = fitted_extent(batch, elevation)
     views = np.stack([[render(s, a, elevation, size, extent) for a in azimuths] for s in map(solid, batch)])
     shapes = [str(i) for i in range(len(batch))] if names is None else list(names_for(batch, names))
     degrees = [f"{math.degrees(a):.0f}°" for a in azimuths]
-    if across:
-        return _kept(_labelled(_joined(views.swapaxes(0, 1)), size, shapes, degrees), path)
     return _kept(_labelled(_joined(views), size, degrees, shapes), path)
 
 

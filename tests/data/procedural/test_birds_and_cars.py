@@ -1,4 +1,4 @@
-"""Procedural families of birds and cars, and the solids they are made of."""
+"""Procedural data sets of birds and cars, and the solids they are made of."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import torch
 
 from unproject._types import UserError
 from unproject.data import birds, cars
-from unproject.data.procedural.shapes.solids import Family, Grid
+from unproject.data.procedural.shapes.solids import Grid, ProceduralShapes
 
-FAMILIES = pytest.mark.parametrize("family", [birds, cars], ids=["birds", "cars"])
+DATA_SETS = pytest.mark.parametrize("make", [birds, cars], ids=["birds", "cars"])
 
 
-@FAMILIES
-def test_shapes_are_whole_and_inside_the_frame(family: Family) -> None:
-    x = family(40, 32)
+@DATA_SETS
+def test_shapes_are_whole_and_inside_the_frame(make: ProceduralShapes) -> None:
+    x = make(40, 32)
     assert x.shape == (40, 32, 32, 32) and set(x.unique().tolist()) == {0.0, 1.0}
     assert torch.equal(x, x.flip(1))  # mirror images of themselves
     border = [x[:, [0, -1]], x[:, :, [0, -1]], x[..., [0, -1]]]
@@ -24,25 +24,25 @@ def test_shapes_are_whole_and_inside_the_frame(family: Family) -> None:
     assert x.flatten(1).mean(1).min() > 0.008 and x.flatten(1).mean(1).max() < 0.2
 
 
-@FAMILIES
-def test_a_shape_depends_on_its_seed_and_index_alone(family: Family) -> None:
-    x = family(5, 16)
-    assert torch.equal(x, family(9, 16, chunk=2)[:5]) and not torch.equal(x, family(5, 16, seed=1))
+@DATA_SETS
+def test_a_shape_depends_on_its_seed_and_index_alone(make: ProceduralShapes) -> None:
+    x = make(5, 16)
+    assert torch.equal(x, make(9, 16, chunk=2)[:5]) and not torch.equal(x, make(5, 16, seed=1))
     assert torch.pdist(x.flatten(1)).min() > 3
 
 
-@FAMILIES
-def test_hard_shapes_are_soft_ones_cut_at_one_half(family: Family) -> None:
-    soft = family(3, 16, soft=True)
-    assert torch.equal(family(3, 16), (soft > 0.5).float()) and soft[(soft > 0) & (soft < 1)].numel() > 0
+@DATA_SETS
+def test_hard_shapes_are_soft_ones_cut_at_one_half(make: ProceduralShapes) -> None:
+    soft = make(3, 16, soft=True)
+    assert torch.equal(make(3, 16), (soft > 0.5).float()) and soft[(soft > 0) & (soft < 1)].numel() > 0
 
 
-@FAMILIES
-def test_they_face_the_front(family: Family) -> None:
+@DATA_SETS
+def test_they_face_the_front(make: ProceduralShapes) -> None:
     """Beaks and bonnets at +z are low and narrow: less there than at the same distance behind, or higher up."""
-    x = family(60, 32).mean(0)
+    x = make(60, 32).mean(0)
     along = x.sum((0, 1))
-    if family is birds:  # heads in front are higher than tails behind
+    if make is birds:  # heads in front are higher than tails behind
         height = torch.arange(32.0)
         front, behind = (x[..., part].sum((0, 2)) for part in (slice(24, 32), slice(0, 8)))
         assert (front * height).sum() / front.sum() > (behind * height).sum() / behind.sum() + 4
@@ -50,12 +50,12 @@ def test_they_face_the_front(family: Family) -> None:
         assert along[22:27].sum() < along[5:10].sum()
 
 
-@FAMILIES
-def test_what_cannot_be_made_is_refused(family: Family) -> None:
+@DATA_SETS
+def test_what_cannot_be_made_is_refused(make: ProceduralShapes) -> None:
     with pytest.raises(UserError, match="count of 1 or more"):
-        family(0)
+        make(0)
     with pytest.raises(UserError, match="resolution of 8"):
-        family(1, 4)
+        make(1, 4)
 
 
 def test_solids_have_their_volumes() -> None:

@@ -1,4 +1,4 @@
-"""The embedded worlds of materials: what they promise, for many of them."""
+"""Procedural data sets of materials: what they promise, for many of them."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from unproject.data.procedural.materials.plastic import MOULDS
 from unproject.data.procedural.materials.wood import SPECIES, wood_gloss
 from unproject.ops.maps import MAPS, check_maps, luminance
 
-WORLDS = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
+DATA_SETS = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
 MANY = 160
 
 
 @pytest.fixture(scope="module")
 def many():
-    return {name: world(MANY, 64, seed=0) for name, world in WORLDS.items()}
+    return {name: make(MANY, 64, seed=0) for name, make in DATA_SETS.items()}
 
 
-@pytest.fixture(params=list(WORLDS))
+@pytest.fixture(params=list(DATA_SETS))
 def named(request, many):
-    return WORLDS[request.param], many[request.param]
+    return DATA_SETS[request.param], many[request.param]
 
 
 def part(maps, name):
@@ -51,10 +51,10 @@ def test_they_are_maps_of_a_material(named):
 
 
 def test_an_item_depends_on_its_seed_and_index_alone(named):
-    world, maps = named
+    make, maps = named
     for count in (1, 7, BLOCK, BLOCK + 1):
-        assert torch.equal(world(count, 64, seed=0), maps[:count])
-    assert not torch.equal(world(7, 64, seed=1), maps[:7])
+        assert torch.equal(make(count, 64, seed=0), maps[:count])
+    assert not torch.equal(make(7, 64, seed=1), maps[:7])
     assert not torch.equal(maps[0], maps[BLOCK])
 
 
@@ -65,8 +65,8 @@ def test_no_two_are_alike(named):
 
 @pytest.mark.parametrize("size", [16, 33, 96, 130])
 def test_other_sizes(size):
-    for world in WORLDS.values():
-        assert world(3, size).shape == (3, 8, size, size)
+    for make in DATA_SETS.values():
+        assert make(3, size).shape == (3, 8, size, size)
 
 
 @pytest.mark.parametrize("name", ["metal", "plastic", "correlated"])
@@ -248,11 +248,11 @@ def test_a_field_is_the_same_at_another_size():
     assert torch.allclose(shared, coarse, atol=5e-3)
 
 
-@pytest.mark.parametrize("world", WORLDS.values(), ids=list(WORLDS))
-def test_what_cannot_be_made(world):
+@pytest.mark.parametrize("make", DATA_SETS.values(), ids=list(DATA_SETS))
+def test_what_cannot_be_made(make):
     for count, size in ((0, 64), (-3, 64), (1, 8), (1, 5000)):
-        with pytest.raises(UserError, match=f"{world.__name__}: give a count of at least 1 and a size of 16 to 1024"):
-            world(count, size)
+        with pytest.raises(UserError, match=f"{make.__name__}: give a count of at least 1 and a size of 16 to 1024"):
+            make(count, size)
 
 
 def test_what_is_no_correlation():

@@ -48,11 +48,11 @@ def test_solid_angles_cover_the_sphere_and_directions_start_at_the_normal() -> N
     assert (d[0, 32, 0], d[1, 32, 32]) == (pytest.approx(1, abs=1e-3), pytest.approx(1, abs=1e-3))  # x, then y
 
 
-@pytest.mark.parametrize("height, width", [(8, 16), (7, 13), (5, None), (16, 40), (64, 128), (1, 1), (37, 22)])
-def test_resampling_keeps_the_energy_of_every_channel(height: int, width: int | None) -> None:
+@pytest.mark.parametrize("height", [8, 7, 5, 16, 64, 1, 37])
+def test_resampling_keeps_the_energy_of_every_channel(height: int) -> None:
     probe = torch.from_numpy(GRADED).movedim(2, 0)
-    smaller = resample_probe(probe, height, width)
-    assert smaller.shape == (3, height, width or 2 * height) and smaller.dtype == torch.float32
+    smaller = resample_probe(probe, height)
+    assert smaller.shape == (3, height, 2 * height) and smaller.dtype == torch.float32
     assert ((energy(smaller) - energy(probe)) / energy(probe)).abs().max() < 1e-5
 
 
@@ -179,7 +179,7 @@ def test_missing_and_damaged_files_and_odd_heights_are_refused(tmp_path: Path) -
             read_probe(path)
     with pytest.raises(UserError, match="height of 0"):
         read_probe(saved(tmp_path / "a.npy", GRADED), 0)
-    with pytest.raises(UserError, match="0 pixels"):
+    with pytest.raises(UserError, match="cannot have 0 rows; give at least 1"):
         resample_probe(torch.ones(3, 2, 4), 0)
 
 

@@ -1,4 +1,4 @@
-"""3-D collections: voxel files written by hand, meshes of known volume, and looking at volumes."""
+"""3-D collections: voxel files written by hand, meshes of known volume, and projections of volumes."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def test_green_up_or_down(tmp_path: Path, name: str, normal: str, up: int) -> No
     assert torch.allclose(n[:, 0, 0], expected, atol=1e-6)
 
 
-def test_of_a_pair_opengl_is_taken_unless_told(tmp_path: Path) -> None:
+def test_of_a_pair_opengl_is_taken_by_default(tmp_path: Path) -> None:
     material(tmp_path, a_NormalGL=UPWARD, a_NormalDX=(228, 128, 206))
     assert maps_of(tmp_path)["normal"][1].min() > 0.5
     assert maps_of(tmp_path, normal="dx")["normal"][0].min() > 0.5

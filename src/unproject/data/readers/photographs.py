@@ -40,7 +40,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
         sorted(f for f in folder.rglob("*") if f.suffix.lower() in (*SUFFIXES, *FLOATING)) if folder.is_dir() else []
     )
     if not files:
-        raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of --looks")
+        raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")
     found: dict[str, Tensor] = {}
     skipped: dict[str, str] = {}
     for file in files:
@@ -61,6 +61,15 @@ def photographed(path: Path) -> tuple[str, ...]:
 
 
 def _photograph(file: Path, name: str, size: int) -> Tensor:
+    """(C, size, size) of the largest centred square: a map's values, or a photograph as it is."""
+    values = _square(file, name, size)
+    if name == "roughness":
+        return (values**2).clamp(min=SMOOTHEST)
+    return _normals(file, values) if name == "normal" else values
+
+
+def _square(file: Path, name: str, size: int) -> Tensor:
+    """As many channels as the map has, or three; colours linear."""
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
@@ -74,13 +83,13 @@ def _photograph(file: Path, name: str, size: int) -> Tensor:
         values = linear_from_srgb(values)
     wanted = MAPS[name].stop - MAPS[name].start if name in MAPS else 3
     values = centred_square(values[None], size)[0]
-    values = values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)
-    if name == "roughness":
-        values = (values**2).clamp(min=SMOOTHEST)
-    if name == "normal":
-        normal = 2 * values - 1
-        if normal[2].mean() < 0.2:
-            raise UserError(f"{file}: is no normal map; give ½ + ½ n with z in blue, flat being (½, ½, 1)")
-        normal[2].clamp_(min=0.05)
-        values = F.normalize(normal, dim=0)
-    return values.float()
+    return (values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)).float()
+
+
+def _normals(file: Path, values: Tensor) -> Tensor:
+    """n = 2 v - 1, renormalised."""
+    normal = 2 * values - 1
+    if normal[2].mean() < 0.2:
+        raise UserError(f"{file}: is no normal map; give ½ + ½ n with z in blue, flat being (½, ½, 1)")
+    normal[2].clamp_(min=0.05)
+    return F.normalize(normal, dim=0)

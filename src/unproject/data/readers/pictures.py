@@ -98,8 +98,8 @@ def _check_used(path: Path, survey: Survey[T]) -> None:
 def _check_sizes(path: Path, survey: Survey[Tensor]) -> None:
     sizes = {tuple(image.shape[1:]): name for name, image in reversed(survey.used.items())}
     if len(sizes) > 1:
-        told = ", ".join(f"{name} {width} x {height}" for (height, width), name in [*sizes.items()][:2])
-        raise UserError(f"{path}: pictures are of different sizes ({told}); give a size to bring them to")
+        listed = ", ".join(f"{name} {width} x {height}" for (height, width), name in [*sizes.items()][:2])
+        raise UserError(f"{path}: pictures are of different sizes ({listed}); give a size to bring them to")
 
 
 def _found(path: Path, survey: Survey[T], items: Tensor, white: int) -> Found:

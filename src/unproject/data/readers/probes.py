@@ -182,22 +182,21 @@ def _lit(radiance: Tensor, source: str) -> Tensor:
     return radiance.clamp(min=0)
 
 
-def resample_probe(probe: Tensor, height: int, width: int | None = None) -> Tensor:
-    """A probe (..., H, W) at (..., height, width), width 2 height unless given; keeps ∫ L dΩ.
+def resample_probe(probe: Tensor, height: int) -> Tensor:
+    """Return a probe (..., H, W) at (..., height, 2 height); keeps ∫ L dΩ.
 
     L'_ij = Σ_hw R_ih C_jw L_hw, where R_ih is the share of target row i's interval of cos θ that lies in source row h,
     and C_jw the share of target column j's interval of φ that lies in source column w.
 
     Raises:
-        UserError: for a height or width below 1.
+        UserError: for a height below 1.
     """
-    width = 2 * height if width is None else width
-    if height < 1 or width < 1:
-        raise UserError(f"light probe: cannot be {width} × {height} pixels; give at least one row and column")
-    if probe.shape[-2:] == (height, width):
+    if height < 1:
+        raise UserError(f"light probe: cannot have {height} rows; give at least 1")
+    if probe.shape[-2:] == (height, 2 * height):
         return probe
     rows = interval_shares(polar_edges(probe.shape[-2]), polar_edges(height)).to(probe.device)
-    columns = interval_shares(azimuth_edges(probe.shape[-1]), azimuth_edges(width)).to(probe.device)
+    columns = interval_shares(azimuth_edges(probe.shape[-1]), azimuth_edges(2 * height)).to(probe.device)
     return torch.einsum("ih,...hw,jw->...ij", rows, probe.double(), columns).to(probe.dtype)
 
 

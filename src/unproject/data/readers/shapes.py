@@ -2,7 +2,7 @@
 
 Volumes are indexed [x, y, z] with y up. A collection whose z is up is turned: (x, y, z) becomes (x, z, -y), a proper
 rotation. Packed archives (`X_train`, `X_test`: bits packed along axis 1; `shape`, `class_names`, `y_train`, `y_test`)
-have z up unless told otherwise; `archive.npz:chair` selects a class, `archive.npz:chair/test` its test part.
+have z up by default; `archive.npz:chair` selects a class, `archive.npz:chair/test` its test part.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def split_selector(path: Path) -> tuple[Path, str]:
 
 
 def is_shape_archive(path: Path) -> bool:
-    """Whether a file is an .npz of packed bits, told by the names of its arrays."""
+    """Whether a file is an .npz of packed bits, recognised by the names of its arrays."""
     if not path.is_file() or not zipfile.is_zipfile(path):
         return False
     try:
@@ -104,8 +104,8 @@ def _read_archive(
 def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis) -> Found:
     found = read_arrays(path, How(resolution))
     if selector or found.items.shape[1] != found.items.shape[-1]:
-        kind = "classes to choose from" if selector else "volumes"
-        raise UserError(f"{path}: holds no {kind}; save them as volume (N, X, Y, Z)")
+        wanted = "classes to choose from" if selector else "volumes"
+        raise UserError(f"{path}: holds no {wanted}; save them as volume (N, X, Y, Z)")
     return found._replace(items=turned_up(found.items, up_axis))
 
 
@@ -163,8 +163,8 @@ def _read_files(path: Path, files: list[Path], resolution: int | None, up_axis: 
 def _check_sizes(path: Path, volumes: dict[str, Tensor]) -> None:
     sizes = {volume.shape[-1]: name for name, volume in volumes.items()}
     if len(sizes) > 1:
-        told = ", ".join(f"{name} {size}" for size, name in sizes.items())
-        raise UserError(f"{path}: grids are of different sizes ({told}); give a size to bring them to")
+        listed = ", ".join(f"{name} {size}" for size, name in sizes.items())
+        raise UserError(f"{path}: grids are of different sizes ({listed}); give a size to bring them to")
 
 
 def _stacked(volumes: dict[str, Tensor]) -> Tensor:

@@ -99,7 +99,7 @@ def _unit(file: Path, picture: Picture) -> Tensor:
 
 def _channels(file: Path, picture: Picture) -> Tensor:
     if picture.pixels.shape[2] != 3:
-        raise UserError(f"{file}: is a grey picture; a map of this name has three channels: mend the file or its name")
+        raise UserError(f"{file}: is a grey picture; a map of this name has three channels: fix the file or its name")
     return _unit(file, picture)
 
 

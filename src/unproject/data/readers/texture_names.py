@@ -1,4 +1,4 @@
-"""Which file of a texture set is which map, told by the words of its name.
+"""Which file of a texture set is which map, found by the words of its name.
 
 Words are separated by _ - . and spaces, by digits, or by a capital after a small letter, in any case:
 `Wood027_1K_NormalGL.jpg` says wood, 027, 1, k, normal, gl. The last word that names a map decides, so that
@@ -117,7 +117,7 @@ def find_textures(folder: Path, normal: str = "auto") -> Textures:
 
 
 def _preferred(files: list[Path], normal: str) -> list[Path]:
-    """Of a pair for OpenGL and DirectX the one that was asked for, OpenGL unless said."""
+    """Of a pair for OpenGL and DirectX the one that was asked for; default: OpenGL."""
     up, down = ([f for f in files if _says(f, words)] for words in (UP, DOWN))
     if up and down and len(up) + len(down) == len(files):
         return down if normal == "dx" else up

@@ -83,12 +83,12 @@ def _pooled(fine: np.ndarray, resolution: int) -> np.ndarray:
     return fine.reshape(resolution, SAMPLES, resolution, SAMPLES, resolution, SAMPLES).mean((1, 3, 5))
 
 
-def normalised(vertices: np.ndarray, fill: float = 0.9, reach: float = 0.95) -> np.ndarray:
-    """Centre the bounding box and scale: longest side 2 · fill, or less where the radius about y would pass `reach`."""
+def normalised(vertices: np.ndarray) -> np.ndarray:
+    """Centre the bounding box and scale it: longest side 1.8, or less where the radius about y would pass 0.95."""
     low, high = vertices.min(0), vertices.max(0)
     centred = vertices - (low + high) / 2
     radius = np.hypot(centred[:, 0], centred[:, 2]).max()
-    return centred * min(fill / max((high - low).max() / 2, 1e-12), reach / max(radius, 1e-12))
+    return centred * min(0.9 / max((high - low).max() / 2, 1e-12), 0.95 / max(radius, 1e-12))
 
 
 def triangles_of(loaded: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Embedded worlds of surface materials: `wood`, `metal`, `plastic` and `correlated`, as many as asked for.
+"""Procedural data sets of surface materials: `wood`, `metal`, `plastic` and `correlated`, of any length.
 
 Maps (N, 8, S, S) as `ops.maps` packs them, for `fresnel="albedo"`: k_s is the reflectance at normal incidence itself, m
 the RMS slope of Beckmann, colours linear. Item k of a seed depends on (seed, k) and on the size alone, to the last bit:
@@ -65,30 +65,30 @@ def plastic(count: int, size: int = 64, seed: int = 0) -> Tensor:
 def correlated(
     count: int, size: int = 64, seed: int = 0, diffuse_normal: float = 0.9, specular_roughness: float = 0.9
 ) -> Tensor:
-    """The first `count` of a world whose maps are correlated by design, (count, 8, size, size); see `correlated.py`.
+    """The first `count` materials whose maps are correlated by design, (count, 8, size, size); see `correlated.py`.
 
     Args:
         count: of materials.
         size: side of the maps.
-        seed: of the world.
+        seed: of the data set.
         diffuse_normal: the correlation in each octave of the diffuse map's luminance and the normals' height.
         specular_roughness: that of specular and roughness. Across the two groups it is 0.
 
     Raises:
         UserError: as `wood`, or for a correlation that is not within [-1, 1].
     """
-    family = partial(build_correlated, diffuse_normal=diffuse_normal, specular_roughness=specular_roughness)
-    return build(CORRELATED, family, count, size, seed)
+    builder = partial(build_correlated, diffuse_normal=diffuse_normal, specular_roughness=specular_roughness)
+    return build(CORRELATED, builder, count, size, seed)
 
 
-def build(chances: Chances, family: Callable[[Draws], Tensor], count: int, size: int, seed: int) -> Tensor:
-    """The first `count` items of a family, block by block."""
+def build(chances: Chances, builder: Callable[[Draws], Tensor], count: int, size: int, seed: int) -> Tensor:
+    """The first `count` items of a data set, block by block."""
     if count < 1 or not SMALLEST <= size <= LARGEST:
         raise UserError(
             f"{chances.name}: give a count of at least 1 and a size of {SMALLEST} to {LARGEST}, not {count} and {size}"
         )
     blocks = [
-        family(draw(chances, range(first, first + BLOCK), size, seed))[: count - first]
+        builder(draw(chances, range(first, first + BLOCK), size, seed))[: count - first]
         for first in range(0, count, BLOCK)
     ]
     return check_maps(torch.cat(blocks), chances.name)

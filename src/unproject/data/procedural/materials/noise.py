@@ -31,7 +31,7 @@ FINEST = 128  # side of the square of Fourier coefficients: sizes above it get n
 
 @dataclass(frozen=True)
 class Chances:
-    """What is random about the items of a family: named numbers, tables of them, and noise fields."""
+    """What is random about the items of a procedural data set: named numbers, tables of them, and noise fields."""
 
     name: str
     numbers: Mapping[str, Span]

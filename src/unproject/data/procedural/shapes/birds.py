@@ -1,4 +1,4 @@
-"""A procedural family of birds that stand: body, neck, head, beak, wings at the sides or half open, tail, legs.
+"""A procedural data set of birds that stand: body, neck, head, beak, wings at the sides or half open, tail, legs.
 
 They are upright (y up), face +z, are mirror images of themselves in x = 0, and lie inside |x|, |y|, |z| < 0.95.
 """
@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..span import Span
-from .solids import Family, Grid, Numbers, union
+from .solids import Grid, Numbers, ProceduralShapes, union
 
 SPANS = {
     "length": Span(0.34, 0.50, "half the length of the body"),
@@ -69,4 +69,4 @@ def _legs(p: Numbers, grid: Grid, floor: Tensor) -> Tensor:
     return union(leg, grid.rod((aside, foot, -0.05), (aside, foot, 0.12), p["shank"]))
 
 
-birds = Family("birds", SPANS, build_birds)
+birds = ProceduralShapes("birds", SPANS, build_birds)

@@ -1,4 +1,4 @@
-"""A procedural family of cars: hatchbacks, saloons, estates, pick-ups, vans, on four wheels.
+"""A procedural data set of cars: hatchbacks, saloons, estates, pick-ups, vans, on four wheels.
 
 They stand upright (y up), face +z, are mirror images of themselves in x = 0, and lie inside |x|, |y|, |z| < 0.95.
 """
@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..span import Span
-from .solids import Family, Grid, Numbers, union
+from .solids import Grid, Numbers, ProceduralShapes, union
 
 SPANS = {
     "kind": Span(0.0, 5.0, "hatchback, saloon, estate, pick-up, van, by its whole part"),
@@ -60,4 +60,4 @@ def build_cars(p: Numbers, grid: Grid) -> Tensor:
     return union(body * (1 - bed * (kind == 3)), cabin, *wheels)
 
 
-cars = Family("cars", SPANS, build_cars)
+cars = ProceduralShapes("cars", SPANS, build_cars)

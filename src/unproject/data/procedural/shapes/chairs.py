@@ -1,4 +1,4 @@
-"""A procedural family of chairs: the embedded 3-D collection.
+"""A procedural data set of chairs: the embedded 3-D collection.
 
 A chair is a union of parts, each the product of two coverages that share at most one axis,
 

@@ -75,7 +75,7 @@ def union(*parts: Tensor) -> Tensor:
 
 
 @dataclass(frozen=True)
-class Family:
+class ProceduralShapes:
     """Shapes that differ in numbers drawn uniformly within their spans.
 
     Attributes:
