@@ -121,7 +121,7 @@ def train(arm: str, seed: int, options: argparse.Namespace) -> None:
 
 def score(arm: str, seed: int, options: argparse.Namespace) -> None:
     run = load(options.runs / f"{arm}-{seed}")
-    training, test = read(f"{options.data}:chair/train").items, read(f"{options.data}:chair/test").items
+    training, test = read(f"{options.data}:chair/train").floats(), read(f"{options.data}:chair/test").floats()
     generated = run.generator.sample(len(training), seed)
     free = arm in ("predicted", "single")
     how = {"selection": training if free else None, "bins": 16 if free else None, "seed": seed}
@@ -153,7 +153,7 @@ def views(path: Path) -> tuple[ViewAccuracy, ViewAccuracy]:
 
 
 def score_training_set(options: argparse.Namespace) -> None:
-    training, test = read(f"{options.data}:chair/train").items, read(f"{options.data}:chair/test").items
+    training, test = read(f"{options.data}:chair/train").floats(), read(f"{options.data}:chair/test").floats()
     scores = shape_scores(training, test, bins=None) | unseen_scores(training, training, test, bins=None)
     values = {name: asdict(value) for name, value in scores.items()}
     write(result("training-set", 0, options), {"arm": "training-set", "scores": values})

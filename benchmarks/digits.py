@@ -25,7 +25,7 @@ from PIL import Image, ImageDraw, ImageFont
 from results import write
 from torch import Tensor
 
-from unproject.data import read_images
+from unproject.data import Collection
 from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
 from unproject.recipes import rebuild
 from unproject.reproduce.result import provenance
@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with ThreadPoolExecutor(options.parallel) as pool:
         for _ in pool.map(lambda job: train(*job, options), jobs):
             pass
-    training, test = (read_images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).items for part in PARTS)
+    training, test = (Collection.images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in PARTS)
     for arm, seed in jobs:
         score(arm, seed, options, training, test)
     if not result("training-set", 0).exists():

@@ -134,7 +134,7 @@ def test_rows_run_through_the_collections(silhouettes: Collection) -> None:
 
 def test_known_views_are_those_of_the_collections_or_of_the_latents(silhouettes: Collection) -> None:
     assert silhouettes.latents is not None
-    true = silhouettes.latents["look"].long()
+    true = silhouettes.latents["view"].long()
     shared = Known().begin(Panel(VIEWS, silhouettes), 0)
     assert torch.equal(shared.views, true) and torch.equal(shared.heads, true) and shared.fixes_gauge
     apart = Known().begin(Panel(VIEWS, by_view(silhouettes, VIEWS)), 0)

@@ -20,7 +20,7 @@ from PIL import Image
 from unproject import reproduce as package
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.data.correlated import build_correlated
+from unproject.data.procedural.materials.correlated import build_correlated
 from unproject.reproduce import Arm, Claim, Figure, Settings, running, scoring
 from unproject.reproduce.material_sources import PROBES, photographed
 from unproject.reproduce.place import Place
@@ -185,8 +185,8 @@ def test_mistakes_are_one_line(words: list[str], line: str, capsys: pytest.Captu
 
 
 def test_octave_scores_know_the_design() -> None:
-    from unproject.data.correlated import CHANCES
-    from unproject.data.noise import draw
+    from unproject.data.procedural.materials.correlated import CHANCES
+    from unproject.data.procedural.materials.noise import draw
 
     drawn = draw(CHANCES, range(12), 32, 0)
     right = {name: score.value for name, score in octave_scores(build_correlated(drawn, 0.9, 0.9)).items()}

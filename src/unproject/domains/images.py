@@ -11,7 +11,7 @@ from PIL import Image
 from torch import Tensor
 
 from .. import export
-from ..data import Collection, read_images
+from ..data import Collection, read
 from ..metrics import Score, image_scores, line_scores
 from ..projections.observation import Observation
 from .domain import Domain
@@ -47,4 +47,4 @@ class Images(Domain):
         return cover_half_a_turn(observations)
 
     def read(self, path: Path, size: int) -> Collection:
-        return read_images(path, size)
+        return read(path, size, pictures="images")

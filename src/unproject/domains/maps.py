@@ -14,7 +14,7 @@ from PIL import Image
 from torch import Tensor
 
 from .. import export
-from ..data import Collection, procedural_probes, read_materials
+from ..data import Collection, procedural_probes
 from ..metrics import Score, material_scores, patch_distance
 from ..ops.maps import pack_maps, unpack_maps
 from ..ops.microfacet import Reflection
@@ -58,7 +58,7 @@ class Maps(Domain):
         return {"patch": Score(found.mean, how, len(y), seed)}
 
     def read(self, path: Path, size: int) -> Collection:
-        return Collection(read_materials(path, size)[0])
+        return Collection.materials(path, size).warn_skipped()
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

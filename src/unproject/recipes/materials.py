@@ -38,15 +38,13 @@ from ..assignment import Panel
 from ..data import (
     Collection,
     correlated,
-    holds_sightings,
     material_patches,
     metal,
     observe,
+    photographed,
     plastic,
     procedural_probes,
-    read_materials,
     read_probes,
-    read_sightings,
     wood,
 )
 from ..networks import DCGANDiscriminator, DCGANMaterials, StationaryMaterials, TextureDiscriminator
@@ -227,8 +225,10 @@ Source = Callable[[Observation, int], Tensor]
 def source_of(procedural: Materials, data: Path | None, size: int, seed: int) -> Source:
     """Return where images come from: a procedural data set, the materials of `data`, or folders of pictures."""
     if data is not None and are_photographs(data):
-        return lambda observation, count: _first(read_sightings(data, observation.name, size).floats(), count, seed)
-    found = None if data is None else read_materials(data, None if data.suffix == ".npz" else ENLARGED * size)[0]
+        return lambda observation, count: _first(
+            Collection.photographs(data, observation.name, size).floats(), count, seed
+        )
+    found = None if data is None else textures_of(data, size)
 
     def images(observation: Observation, count: int) -> Tensor:
         own = derived_seed(seed, 0, f"materials/{observation.name}")
@@ -243,9 +243,14 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int) ->
     return images
 
 
+def textures_of(data: Path, size: int) -> Tensor:
+    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them."""
+    return Collection.materials(data, None if data.suffix == ".npz" else ENLARGED * size).warn_skipped().floats()
+
+
 def are_photographs(data: Path | None) -> bool:
     """Whether a folder has sub-folders of pictures, one an observation."""
-    return data is not None and holds_sightings(data, (*MAPS, *VIEWED_FROM))
+    return data is not None and bool(photographed(data))
 
 
 def with_mirror_images(source: Source) -> Source:
@@ -271,7 +276,7 @@ def mirrored(observation: str, images: Tensor, axes: tuple[int, ...]) -> Tensor:
 
 def observations_of(data: Path | None) -> tuple[str, ...]:
     """Return the observations that `data` has sub-folders for; else the maps, flash, coloured and ambient."""
-    found = () if data is None else tuple(name for name in (*MAPS, *VIEWED_FROM) if holds_sightings(data, (name,)))
+    found = () if data is None else photographed(data)
     return found or (*MAPS, "flash", "coloured", "ambient")
 
 
@@ -336,7 +341,7 @@ def standardised_panel(observation: Observation, images: Tensor, weights: Weight
     """Return an observation's panel, its images and projections standardised by the images' mean and deviation."""
     name = observation.name
     projection = standardised(observation.projection, images)
-    data = Collection.from_tensor(projection.standardise(images), source=f"{len(images)} images of {name}")
+    data = Collection(projection.standardise(images), source=f"{len(images)} images of {name}")
     observed = [Observation(name, projection, observation.prior)]
     if name not in VIEWED_FROM:
         return Panel(observed, data)

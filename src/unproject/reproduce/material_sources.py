@@ -12,7 +12,7 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from ..data import material_patches, mixed_probes, observe, read_materials, read_probes
+from ..data import Collection, material_patches, mixed_probes, observe, read_probes
 from ..domains import BUILT_IN
 from ..export.materials import to_srgb
 from ..ops.maps import MAPS
@@ -96,7 +96,8 @@ def _save_probes(folder: Path, probes: Tensor) -> None:
 def _materials(name: str, place: Place) -> Materials:
     if name in PROCEDURAL:
         return partial(_procedural, name, place.size)
-    sets = read_materials(place.real(f"materials/svbrdf/{SETS[name]}"), 4 * place.size)[0]
+    folder = place.real(f"materials/svbrdf/{SETS[name]}")
+    sets = Collection.materials(folder, 4 * place.size).warn_skipped().floats()
     turn = 0.1 if SETS[name] == "wood" else math.pi  # keeps the grain upright
     return lambda count, seed: material_patches(sets, count, place.size, seed, turn=turn)
 

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..data.correlated import octave_correlations
+from ..data.procedural.materials.correlated import octave_correlations
 from ..domains import Domain, Maps
 from ..export import save_image, silhouette_sheet
 from ..metrics import Score

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
-from ..data import birds, cars, chairs, digits, read, read_images
-from ..data.voxelise import normalised, voxelise
+from ..data import Collection, birds, cars, chairs, digits, read
+from ..data.readers.voxelise import normalised, voxelise
 from ..domains import BUILT_IN
 from .material_sources import SETS, photographed, procedural_materials
 from .place import Draw, Flags, Place, Source, built_in
@@ -41,7 +41,7 @@ def real_collection(name: str, reference: str | None = None) -> Source:
     scored = reference or name
 
     def training_data(place: Place) -> Tensor:
-        return read(there(place, name), size=place.size).items
+        return read(there(place, name), size=place.size).floats()
 
     def there(place: Place, what: str) -> str:
         path, colon, part = what.partition(":")
@@ -49,7 +49,7 @@ def real_collection(name: str, reference: str | None = None) -> Source:
 
     return Source(
         lambda place: {"data": Path(there(place, name))},
-        lambda place: read(there(place, scored), size=place.size).items,
+        lambda place: read(there(place, scored), size=place.size).floats(),
         training_data if reference else None,
         real=True,
     )
@@ -60,7 +60,7 @@ def mnist_pictures(place: Place, part: str) -> Path:
 
 
 def mnist(part: str) -> Draw:
-    return lambda place: read_images(mnist_pictures(place, part), place.size).items
+    return lambda place: Collection.images(mnist_pictures(place, part), place.size).floats()
 
 
 def mnist_flags(place: Place) -> Flags:
@@ -96,7 +96,7 @@ SOURCES: dict[str, Source] = {
     "birds-photographs": real_collection("silhouettes/bird_cub_aves_64.npz"),
     "cars-meshes": Source(
         lambda place: {"data": car_volumes(place)},
-        lambda place: read(car_volumes(place), size=place.size).items,
+        lambda place: read(car_volumes(place), size=place.size).floats(),
         real=True,
     ),
     "digits": Source(
