@@ -123,7 +123,7 @@ def test_clusters_are_the_released_codes_eight() -> None:
     [("predicted", Predicted, 16), ("learned", LearnedPrior, 1), ("known", Known, 16), ("single", Unassigned, 1)],
 )
 def test_sixteen_views_and_a_head_each_where_views_are_assigned(views: str, kind: type, heads: int) -> None:
-    (panel,) = made(shapes_paper, views=views).panels
+    (panel,) = made(shapes_paper, views=views, views_per_shape=64).panels
     assert len(panel.observations) == 16 and isinstance(panel.assignment, kind)
     assert panel.assignment.heads(panel) == heads and (panel.weight, panel.penalty_scale) == (1.0, 1.0)
 

@@ -283,10 +283,11 @@ def views_of(collection: Collection, observations: Sequence[Observation]) -> Ten
     return inside.long().argmax(1)
 
 
-def by_view(collection: Collection, observations: Sequence[Observation]) -> list[Collection]:
-    """Return one collection for each observation: the items whose known latents its prior contains."""
+def by_view(collection: Collection, observations: Sequence[Observation]) -> tuple[list[Observation], list[Collection]]:
+    """Return the observations that have images, and their images: the items whose known latents a prior contains."""
     views = views_of(collection, observations)
-    return [collection.subset((views == k).nonzero()[:, 0]) for k in range(len(observations))]
+    rows = {k: (views == k).nonzero()[:, 0] for k in views.unique().tolist()}
+    return [observations[k] for k in rows], [collection.subset(found) for found in rows.values()]
 
 
 def shared_collection(panel: Panel, kind: str) -> Collection:

@@ -115,7 +115,7 @@ def shapes_paper(
     bins: int = 16,
     bands: int = 1,
     views_per_shape: int = 16,
-    binary: bool = False,
+    binary: bool = True,
     seed: int = 0,
     channels: int = 512,
     discriminator_channels: int = 64,
@@ -136,7 +136,7 @@ def shapes_paper(
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0).
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
-        binary: threshold rendered silhouettes at one half.
+        binary: threshold rendered silhouettes at one half, as the paper's are.
         seed: of the weights, of every draw, and of the rendered silhouettes.
         channels: of the generator's 4³ level.
         discriminator_channels: of the discriminator's first level.
