@@ -49,10 +49,10 @@ OWN_WOOD = (
 )
 
 MINUTES = {
-    "plastic": "Minutes are unequal, in favour of the paper's recipe: it has nine, and this project's 1,400 steps take "
+    "plastic": "Minutes are unequal, in favour of the paper's recipe: it has nine, this project's 1,400 steps take "
     "half of that. Arms of procedural plastic were trained alone on the machine, those of real plastic two at a time.",
-    "metal": "Minutes are unequal: this project's arms have 1,400 steps, which took ten to fifteen minutes beside other "
-    "work (the same steps of plastic take under five alone), and the paper's recipe has nine minutes.",
+    "metal": "Minutes are unequal: this project's arms have 1,400 steps, which took ten to fifteen minutes beside "
+    "other work (the same steps of plastic take under five alone), and the paper's recipe has nine minutes.",
 }
 
 MATERIALS: tuple[Figure, ...] = (
