@@ -48,6 +48,14 @@ class GaussianInitialiser:
     References:
         EM for mixtures of factor analysers (Ghahramani and Hinton 1996), with one distribution behind all of them;
         annealing of its first step (Ueda and Nakano 1998).
+
+    Example:
+        >>> import unproject as up
+        >>> around = up.projections.directions(4, 0.02, whole=True)
+        >>> lines = up.data.observe(up.data.digits(16)[:64], around[:4])
+        >>> initialiser = up.GaussianInitialiser(annealed=2, fixed=1, free=1)
+        >>> initialiser(around, lines.floats(), 0).shape
+        torch.Size([64, 8])
     """
 
     lines: int = 12_000

@@ -29,6 +29,16 @@ class Assignment(ABC):
     """How the images of a panel are assigned to its observations, and how generated samples are observed.
 
     Subclass it, as a frozen dataclass, for an assignment of your own: `begin` returns the state of a run.
+
+    Example:
+        >>> import torch, unproject as up
+        >>> class AllFirst(up.Assignment):
+        ...     def begin(self, panel, seed):
+        ...         first = torch.zeros(len(panel), dtype=torch.long)
+        ...         return up.AssignmentState(panel, first, first.clone())
+        >>> itself, volumes = up.Observation("itself", up.Identity()), up.Collection(up.data.chairs(3, 16))
+        >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views
+        tensor([0, 0, 0])
     """
 
     def heads(self, panel: Panel) -> int:
@@ -59,6 +69,14 @@ class Panel:
     Raises:
         UserError: if observations differ in their projections, collections in the shape of their items, or their
             numbers do not match; for a weight or a scale that is not positive.
+
+    Example:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views, each=2)
+        >>> panel = up.Panel(views, silhouettes, up.Predicted())
+        >>> len(panel), panel.shape, panel.assignment.heads(panel)
+        (12, (1, 16, 16), 4)
     """
 
     observations: Sequence[Observation]
@@ -182,6 +200,14 @@ class AssignmentState(nn.Module):
         views: (N,) the observation of each image.
         heads: (N,) the discriminator's head for each image.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
+
+    Example:
+        >>> import torch, unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views))
+        >>> state = panel.assignment.begin(panel, seed=0)
+        >>> state.project(up.data.chairs(2, 16), rows=torch.tensor([3, 5]), rng=torch.Generator()).shape
+        torch.Size([2, 1, 16, 16])
     """
 
     views: Tensor
@@ -245,6 +271,14 @@ class Known(Assignment):
     """The observation of each image is known: it is the one whose collection holds it (MP-GAN).
 
     With one collection for several observations, it is the first whose prior contains the image's known latents.
+
+    Example:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views)
+        >>> panel = up.Panel(views, silhouettes, up.Known())
+        >>> bool((panel.assignment.begin(panel, seed=0).views == silhouettes.latents["view"]).all())
+        True
     """
 
     def begin(self, panel: Panel, seed: int) -> AssignmentState:

@@ -34,6 +34,18 @@ class Domain(ABC):
         name: of one sample, and the key of the samples in an .npz.
         previewed: how many samples a preview shows.
         scored: how many samples are scored (default of `unproject evaluate --n`).
+
+    Example:
+        >>> import torch, unproject as up
+        >>> from PIL import Image
+        >>> class Signals(up.Domain):
+        ...     name = "signal"
+        ...     def preview(self, x):
+        ...         return Image.fromarray((255 * x.clamp(0, 1)).byte().numpy())
+        >>> Signals().preview(torch.rand(3, 8)).size
+        (8, 3)
+        >>> sorted(Signals().exporters)
+        ['npz', 'png']
     """
 
     name: ClassVar[str] = "sample"

@@ -20,7 +20,16 @@ from .views import cover_half_a_turn, free_turns, view_bins
 
 @dataclass(frozen=True)
 class Images(Domain):
-    """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`."""
+    """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`.
+
+    Example:
+        >>> import unproject as up
+        >>> digits = up.data.digits(32)
+        >>> {name: part.shape for name, part in up.Images().arrays(digits[:4]).items()}
+        {'image': (4, 1, 32, 32)}
+        >>> up.Images().preview(digits[:64]).size[0] > 256
+        True
+    """
 
     name: ClassVar[str] = "image"
     previewed: ClassVar[int] = 64

@@ -29,6 +29,21 @@ def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool 
     Raises:
         UserError: if `out` holds a run already, or training diverges twice.
         OSError: if the disk is full; checkpoints already written stay good.
+
+    Example:
+        >>> import functools, tempfile, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> run.step, run.sample(2).shape
+        (1, torch.Size([2, 16, 16, 16]))
     """
     distribution = Distribution(device)
     out = Path(out)
@@ -63,6 +78,21 @@ def resume(
 
     Raises:
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.
+
+    Example:
+        >>> import functools, tempfile, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> up.resume(run.path, recipe, steps=2, quiet=True).step
+        2
     """
     path = Path(path)
     if recipe is None:

@@ -18,7 +18,17 @@ OPTIONS = tuple(Options.__annotations__)
 
 
 def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
-    """Let the recipes that a function makes remember how they were made, so that their runs resume by path alone."""
+    """Let the recipes that a function makes remember how they were made, so that their runs resume by path alone.
+
+    Example:
+        >>> import unproject as up
+        >>> @up.resumable
+        ... def volumes(*, count: int = 4, **options) -> up.Recipe:
+        ...     panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(count, 16)))
+        ...     return up.Recipe(up.networks.LowRankGenerator, [panel], steps=10).configured(options)
+        >>> volumes(count=3, steps=5).origin.arguments
+        {'count': 3, 'steps': 5}
+    """
 
     @functools.wraps(function)
     def remembered(*positional: P.args, **arguments: P.kwargs) -> Recipe:

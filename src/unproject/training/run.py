@@ -37,6 +37,23 @@ class Run:
         generator: with averaged weights, in evaluation mode.
         step: steps done.
         domain: what the generator makes.
+
+    Example:
+        >>> import functools, tempfile, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> run.stats()
+        []
+        >>> sorted(run.evaluate(n=8, recipe=recipe))
+        ['diversity', 'empty', 'in_one_piece']
     """
 
     path: Path
@@ -117,6 +134,21 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
 
     Raises:
         UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
+
+    Example:
+        >>> import functools, tempfile, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> up.load(run.path).sample(1, seed=7).equal(run.sample(1, seed=7))
+        True
     """
     path = Path(path)
     stored = read_recipe(path)
