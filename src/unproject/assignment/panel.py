@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -19,10 +19,10 @@ from torch import Tensor, nn
 from .._types import UserError
 from ..data import Collection
 from ..metrics import Score
-from ..networks import Generator
 from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
+from .context import Context
 
 
 class Assignment(ABC):
@@ -145,52 +145,6 @@ class Panel:
         priors = [observation.prior for observation in self.observations]
         theta = sample_each(priors, views, rng) if priors[0].names else {}
         return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
-
-
-class Context(Protocol):
-    """What a run offers an assignment before each step."""
-
-    @property
-    def step(self) -> int:
-        """Steps done."""
-        ...
-
-    @property
-    def progress(self) -> float:
-        """The part of the budget that is spent, 0 to 1."""
-        ...
-
-    @property
-    def generator(self) -> Generator:
-        """The generator with averaged weights."""
-        ...
-
-    @property
-    def device(self) -> torch.device: ...
-
-    def stopping(self) -> bool:
-        """Whether the run was asked to stop; then return False from `before_step` soon."""
-        ...
-
-    def save(self) -> None:
-        """Write a checkpoint now."""
-        ...
-
-    def record(self, **fields: Any) -> None:
-        """Write a line to the run's log."""
-        ...
-
-    def subtask(self, name: str, total: int) -> Callable[[int, float], None]:
-        """Show a second progress bar; call the result with (done, loss)."""
-        ...
-
-    def synchronise(self, tensors: Iterable[Tensor]) -> None:
-        """Overwrite tensors by those of the first process."""
-        ...
-
-    def restart(self) -> None:
-        """Start the generator and the discriminators from new weights."""
-        ...
 
 
 class AssignmentState(nn.Module):

@@ -21,7 +21,8 @@ from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..metrics import Score
 from ..projections.observation import Observation
-from .panel import Assignment, AssignmentState, Context, Panel, shared_collection
+from .context import Context
+from .panel import Assignment, AssignmentState, Panel, shared_collection
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
 from .responsibilities import Estimator, uniform_views
 
