@@ -10,6 +10,7 @@ names for it run in that copy with one thread. Outcomes:
     killed      a test failed: the suite notices the fault
     survived    every named test passed: a test is missing
     timeout     the tests did not end in time: the fault was noticed
+    crashed     the tests' process was ended by a signal: the fault was noticed
     error       pytest could not run the tests (a wrong name, a module that cannot be imported): the table is wrong
 
 First the same tests run on an unmutated copy, where they must pass. Exit status: 0 if every fault was noticed, else 1.
@@ -44,7 +45,7 @@ SLOW_IMPORTS = (
 """Imported once, before the processes of the tests are forked: together they take longer than most of the tests."""
 
 PYTEST = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=line", "--assert=plain")
-NOTICED = ("killed", "timeout")
+NOTICED = ("killed", "timeout", "crashed")
 WORDS = {0: "survived", 1: "killed"}
 """Of pytest's exit statuses; all others say that the tests did not run."""
 
@@ -158,7 +159,7 @@ def start_mutant(mutant: Mutant, clean: Path, folder: Path) -> Trial:
 def outcome(mutant: Mutant, trial: Trial) -> Outcome:
     """Judge a mutant by the tests that ended, or that took too long."""
     seconds, status, output = trial.age, trial.status(), trial.output()
-    word = "timeout" if status is None else WORDS.get(status, "error")
+    word = "timeout" if status is None else "crashed" if status < 0 else WORDS.get(status, "error")
     if word == "error":
         print(output[-2000:], file=sys.stderr)
     failed = re.search(r"^FAILED ([^\s\[]+)", output, re.MULTILINE)
