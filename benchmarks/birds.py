@@ -2,7 +2,7 @@
 
     python benchmarks/birds.py --data MASKS.npz --minutes 20 --out docs/results/birds
 
-Leaves shapes.png (new shapes from four azimuths), views.png (the masks grouped by the view they were assigned) and
+Leaves shapes.webp (new shapes from four azimuths), views.webp (the masks grouped by the view they were assigned) and
 birds.json (scores of the silhouettes, seconds, machine).
 """
 
@@ -19,7 +19,7 @@ from unproject import export
 from unproject.data import read
 from unproject.recipes import origin
 from unproject.recipes.shapes import shapes
-from unproject.reproduce.running import EACH, grouped
+from unproject.reproduce.scoring import COLUMNS, grouped
 from unproject.training import load, train
 from unproject.training.evaluation import assigned_panel, evaluate
 
@@ -46,9 +46,9 @@ def main() -> None:
     run = load(options.runs)
     panel = assigned_panel(run, recipe)
     options.out.mkdir(parents=True, exist_ok=True)
-    export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.png", size=128)
+    export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.webp", size=128)
     export.silhouette_sheet(
-        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=EACH
+        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.webp", columns=COLUMNS
     )
     masks = read(options.data, size=options.size)
     scores = evaluate(run, recipe, masks, n=len(masks), seed=options.seed)

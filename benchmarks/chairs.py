@@ -46,7 +46,7 @@ from unproject.projections.observation import Observation
 from unproject.projections.priors import TURN, Empirical, Product, Uniform
 from unproject.projections.silhouette import Silhouette
 from unproject.recipes import rebuild
-from unproject.reproduce.kept import made_by
+from unproject.reproduce.result import provenance
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_panel, supervised_ceiling, true_views
 from unproject.training.run_directory import read_recipe
@@ -121,7 +121,7 @@ def train(arm: str, seed: int, options: argparse.Namespace) -> None:
 
 def score(arm: str, seed: int, options: argparse.Namespace) -> None:
     run = load(options.runs / f"{arm}-{seed}")
-    training, test = read(f"{options.data}:chair/train").items, read(f"{options.data}:chair/test").items
+    training, test = read(f"{options.data}:chair/train").floats(), read(f"{options.data}:chair/test").floats()
     generated = run.generator.sample(len(training), seed)
     free = arm in ("predicted", "single")
     how = {"selection": training if free else None, "bins": 16 if free else None, "seed": seed}
@@ -129,9 +129,9 @@ def score(arm: str, seed: int, options: argparse.Namespace) -> None:
     if arm == "predicted":
         found, ceiling = views(run.path)
         scores |= view_scores(found, ceiling, seed)
-        confusion_picture(found.confusion).save(options.results / f"{arm}-{seed}-confusion.png")
-    export.contact_sheet(generated[:8], options.results / f"{arm}-{seed}.png", size=96)
-    about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
+        confusion_picture(found.confusion).save(options.results / f"{arm}-{seed}-confusion.webp")
+    export.contact_sheet(generated[:8], options.results / f"{arm}-{seed}.webp", size=96)
+    about = {"arm": arm, "seed": seed, "steps": run.step} | provenance(run.path)
     write(result(arm, seed, options), {**about, "scores": {name: asdict(value) for name, value in scores.items()}})
 
 
@@ -153,7 +153,7 @@ def views(path: Path) -> tuple[ViewAccuracy, ViewAccuracy]:
 
 
 def score_training_set(options: argparse.Namespace) -> None:
-    training, test = read(f"{options.data}:chair/train").items, read(f"{options.data}:chair/test").items
+    training, test = read(f"{options.data}:chair/train").floats(), read(f"{options.data}:chair/test").floats()
     scores = shape_scores(training, test, bins=None) | unseen_scores(training, training, test, bins=None)
     values = {name: asdict(value) for name, value in scores.items()}
     write(result("training-set", 0, options), {"arm": "training-set", "scores": values})

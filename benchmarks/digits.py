@@ -5,7 +5,7 @@
 Every arm is `unproject train digits` with one flag changed and the same wall clock. Each is scored with 10000 images
 against the 10000 test images, on the features of the digit classifier, and so are 10000 training images. The gauge of
 the arms that do not know the directions is chosen on training images. Arms that are finished are not computed again:
-docs/results/digits/ARM-SEED.json. figure.png there is the seed's Fig. 12: data, Known, Predicted.
+docs/results/digits/ARM-SEED.json. figure.webp there is the seed's Fig. 12: data, Known, Predicted.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from PIL import Image, ImageDraw, ImageFont
 from results import write
 from torch import Tensor
 
-from unproject.data import read_images
+from unproject.data import Collection
 from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
 from unproject.recipes import rebuild
-from unproject.reproduce.kept import made_by
+from unproject.reproduce.result import provenance
 from unproject.training import Origin, load
 from unproject.training.evaluation import assigned_accuracy, assigned_panel, free_turns, supervised_ceiling, true_views
 from unproject.training.run_directory import read_recipe
@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with ThreadPoolExecutor(options.parallel) as pool:
         for _ in pool.map(lambda job: train(*job, options), jobs):
             pass
-    training, test = (read_images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).items for part in PARTS)
+    training, test = (Collection.images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in PARTS)
     for arm, seed in jobs:
         score(arm, seed, options, training, test)
     if not result("training-set", 0).exists():
@@ -96,8 +96,8 @@ def score(arm: str, seed: int, options: argparse.Namespace, training: Tensor, te
     if arm == "predicted" and true is not None:
         found = assigned_accuracy(panel, panel.ways, true)
         scores |= view_scores(found, supervised_ceiling(panel, true, recipe.seed), seed)
-        confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.png")
-    about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
+        confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.webp")
+    about = {"arm": arm, "seed": seed, "steps": run.step} | provenance(run.path)
     write(result(arm, seed), {**about, "scores": as_dict(scores)})
 
 
@@ -119,7 +119,7 @@ def figure(test: Tensor, options: argparse.Namespace) -> None:
         picture = Image.fromarray((grid * 255).byte().numpy()).resize((width, height))
         sheet.paste(picture, (k * (width + 16), top))
         draw.text((k * (width + 16), 2), name, 0, ImageFont.load_default(16))
-    sheet.save(RESULTS / "figure.png")
+    sheet.save(RESULTS / "figure.webp")
 
 
 def gauge_of(arm: str) -> Gauge:

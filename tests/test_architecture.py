@@ -12,7 +12,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "unproject"
 
 FLOORS = (
-    ("_types", "_random", "_files", "_objects", "_openimage"),
+    ("_types", "_random", "_files", "_objects", "_pictures"),
     ("ops",),
     ("projections", "networks", "data", "metrics", "export"),
     ("adversarial", "testing"),

@@ -1,9 +1,9 @@
-"""Learn generators of things you cannot measure directly from plain collections of their projections.
+"""Learn generators of shapes, images and materials from unpaired collections of their projections.
 
-The four concepts are `Projection` (a pure function y = P(x, θ)), `Observation` (one way of looking: a
-projection with a prior over θ), the assignment of images to ways of looking (`Known` or `Predicted`)
-and `Recipe` (everything a training run is made of). Names are imported when they are first used, so
-that `import unproject` costs nothing.
+The concepts are `Projection` (a pure function y = P(x, θ)), `Observation` (a projection with a prior over θ), `Panel`
+(observations that share a discriminator, with their data), `Assignment` (which observation made each image), `Domain`
+(what the generator makes) and `Recipe` (everything that decides what a run computes). Names are imported when they are
+first used, so that `import unproject` costs nothing.
 """
 
 from __future__ import annotations
@@ -21,18 +21,65 @@ _HOME = {
     "Selection": "unproject.projections.selection",
     "Rendering": "unproject.projections.rendering",
     "Observation": "unproject.projections.observation",
+    "Prior": "unproject.projections.priors",
     "Uniform": "unproject.projections.priors",
     "Bins": "unproject.projections.priors",
+    "Cap": "unproject.projections.priors",
     "Product": "unproject.projections.priors",
-    "Known": "unproject.adversarial.assignment",
-    "Predicted": "unproject.adversarial.assignment",
-    "Recipe": "unproject.training.recipe",
+    "Mixture": "unproject.projections.priors",
+    "Empirical": "unproject.projections.priors",
+    "Panel": "unproject.assignment",
+    "Assignment": "unproject.assignment",
+    "AssignmentState": "unproject.assignment",
+    "Known": "unproject.assignment",
+    "Predicted": "unproject.assignment",
+    "LearnedPrior": "unproject.assignment",
+    "Unassigned": "unproject.assignment",
+    "Rounds": "unproject.assignment",
+    "PredictorFit": "unproject.assignment",
+    "Estimator": "unproject.assignment",
+    "GaussianInitialiser": "unproject.assignment",
+    "MeanShapeInitialiser": "unproject.assignment",
+    "Domain": "unproject.domains",
+    "Volumes": "unproject.domains",
+    "Images": "unproject.domains",
+    "Maps": "unproject.domains",
+    "Loss": "unproject.adversarial.losses",
+    "Relativistic": "unproject.adversarial.losses",
+    "Wasserstein": "unproject.adversarial.losses",
+    "Hinge": "unproject.adversarial.losses",
+    "Logistic": "unproject.adversarial.losses",
+    "Penalty": "unproject.adversarial.penalties",
+    "R1R2": "unproject.adversarial.penalties",
+    "GradientPenalty": "unproject.adversarial.penalties",
+    "Augmentation": "unproject.adversarial.augmentation",
+    "Shift": "unproject.adversarial.augmentation",
+    "Solid": "unproject.adversarial.regularisers",
+    "Generator": "unproject.networks",
     "Collection": "unproject.data",
+    "Recipe": "unproject.training",
+    "Options": "unproject.training",
+    "Adam": "unproject.training",
+    "Run": "unproject.training",
+    "resumable": "unproject.training",
     "train": "unproject.training",
     "resume": "unproject.training",
     "load": "unproject.training",
+    "UserError": "unproject._types",
 }
-_SUBMODULES = ("ops", "testing", "export")
+_SUBMODULES = (
+    "adversarial",
+    "assignment",
+    "data",
+    "domains",
+    "export",
+    "metrics",
+    "networks",
+    "ops",
+    "projections",
+    "recipes",
+    "testing",
+)
 
 __all__ = [*_HOME, *_SUBMODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
@@ -53,23 +100,66 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from . import adversarial as adversarial
+    from . import assignment as assignment
+    from . import data as data
+    from . import domains as domains
     from . import export as export
+    from . import metrics as metrics
+    from . import networks as networks
     from . import ops as ops
+    from . import projections as projections
+    from . import recipes as recipes
     from . import testing as testing
-    from .adversarial.assignment import Known as Known
-    from .adversarial.assignment import Predicted as Predicted
+    from ._types import UserError as UserError
+    from .adversarial.augmentation import Augmentation as Augmentation
+    from .adversarial.augmentation import Shift as Shift
+    from .adversarial.losses import Hinge as Hinge
+    from .adversarial.losses import Logistic as Logistic
+    from .adversarial.losses import Loss as Loss
+    from .adversarial.losses import Relativistic as Relativistic
+    from .adversarial.losses import Wasserstein as Wasserstein
+    from .adversarial.penalties import R1R2 as R1R2
+    from .adversarial.penalties import GradientPenalty as GradientPenalty
+    from .adversarial.penalties import Penalty as Penalty
+    from .adversarial.regularisers import Solid as Solid
+    from .assignment import Assignment as Assignment
+    from .assignment import AssignmentState as AssignmentState
+    from .assignment import Estimator as Estimator
+    from .assignment import GaussianInitialiser as GaussianInitialiser
+    from .assignment import Known as Known
+    from .assignment import LearnedPrior as LearnedPrior
+    from .assignment import MeanShapeInitialiser as MeanShapeInitialiser
+    from .assignment import Panel as Panel
+    from .assignment import Predicted as Predicted
+    from .assignment import PredictorFit as PredictorFit
+    from .assignment import Rounds as Rounds
+    from .assignment import Unassigned as Unassigned
     from .data import Collection as Collection
+    from .domains import Domain as Domain
+    from .domains import Images as Images
+    from .domains import Maps as Maps
+    from .domains import Volumes as Volumes
+    from .networks import Generator as Generator
     from .projections.base import Identity as Identity
     from .projections.base import Projection as Projection
     from .projections.line_integral import LineIntegral as LineIntegral
     from .projections.observation import Observation as Observation
     from .projections.priors import Bins as Bins
+    from .projections.priors import Cap as Cap
+    from .projections.priors import Empirical as Empirical
+    from .projections.priors import Mixture as Mixture
+    from .projections.priors import Prior as Prior
     from .projections.priors import Product as Product
     from .projections.priors import Uniform as Uniform
     from .projections.rendering import Rendering as Rendering
     from .projections.selection import Selection as Selection
     from .projections.silhouette import Silhouette as Silhouette
+    from .training import Adam as Adam
+    from .training import Options as Options
+    from .training import Recipe as Recipe
+    from .training import Run as Run
     from .training import load as load
+    from .training import resumable as resumable
     from .training import resume as resume
     from .training import train as train
-    from .training.recipe import Recipe as Recipe

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-
-from unproject._types import UserError
 from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.learned_prior import LearnedPrior
+
+from unproject._types import UserError
 from unproject.data import digits as embedded
-from unproject.data.collection import padded
+from unproject.data.readers.images import fitted
 from unproject.projections.base import Identity
 from unproject.recipes import find
 from unproject.recipes.digits import digits, digits_paper
@@ -68,7 +68,7 @@ def test_an_idx_file_gets_a_margin(tmp_path: Path) -> None:
     (tmp_path / "some-idx3-ubyte.gz").write_bytes(gzip.compress(header + images.tobytes()))
     ((_, collection),) = digits(data=tmp_path / "some-idx3-ubyte.gz", views="direct", steps=1).looks
     assert collection.items.shape == (5, 1, 32, 32)
-    torch.testing.assert_close(collection.items[:, 0, 2:30, 2:30], torch.from_numpy(images / 255.0).float())
+    torch.testing.assert_close(collection.floats()[:, 0, 2:30, 2:30], torch.from_numpy(images / 255.0).float())
     assert not collection.items[:, 0, :2].any() and not collection.items[:, 0, :, 30:].any()
 
 
@@ -79,12 +79,12 @@ def test_larger_pictures_are_resampled(tmp_path: Path) -> None:
 
 
 def test_an_odd_margin() -> None:
-    assert torch.equal(padded(torch.ones(1, 1, 1, 2), 4)[0, 0].nonzero(), torch.tensor([[1, 1], [1, 2]]))
+    assert torch.equal(fitted(torch.ones(1, 1, 1, 2), 4)[0, 0].nonzero(), torch.tensor([[1, 1], [1, 2]]))
 
 
 def test_volumes_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "volumes.npz", volume=np.ones((3, 16, 16, 16), np.float32))
-    with pytest.raises(UserError, match="no pictures of one channel"):
+    with pytest.raises(UserError, match="holds volumes; images are learned from"):
         digits(data=tmp_path / "volumes.npz", steps=1)
 
 

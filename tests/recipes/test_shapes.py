@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from unproject.adversarial.assignment import Known, Predicted
+from unproject.adversarial.mean_shape_start import MeanShapeStart
+from unproject.training.panel import build_panels
 
 from unproject._types import UserError
-from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
-from unproject.adversarial.mean_shape_start import MeanShapeStart
 from unproject.adversarial.penalties import R1R2, GradientPenalty
 from unproject.adversarial.regularisers import Solid
 from unproject.data import Collection
@@ -23,7 +24,6 @@ from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.recipes import shapes as module
 from unproject.recipes.pairing import by_known_view
 from unproject.recipes.shapes import shapes, shapes_paper
-from unproject.training.panel import build_panels
 from unproject.training.recipe import Recipe
 
 RECIPES: dict[str, Callable[..., Recipe]] = {"shapes": shapes, "shapes-paper": shapes_paper}
@@ -52,7 +52,7 @@ def test_known_views(recipe: Callable[..., Recipe], volumes: Path) -> None:
     for observation, collection in made.looks:
         assert collection.latents is not None
         assert observation.prior.contains(collection.latents).all()
-        assert {f"azimuth-{int(k):02d}" for k in collection.latents["look"]} == {observation.name}
+        assert {f"azimuth-{int(k):02d}" for k in collection.latents["view"]} == {observation.name}
 
 
 @both
@@ -204,7 +204,7 @@ def test_pictures_of_unknown_views(masks: Path) -> None:
 
 def test_views_that_fall_into_no_bin() -> None:
     latents = {"azimuth": torch.zeros(2), "elevation": torch.full((2,), 0.7)}
-    high = Collection.from_tensor(torch.ones(2, 1, 16, 16), latents)
+    high = Collection(torch.ones(2, 1, 16, 16), latents=latents)
     with pytest.raises(UserError, match="known view of 2 of 2 images lies outside every bin"):
         by_known_view(high, azimuth_bins(4))
 

@@ -12,8 +12,9 @@ from toy import toy
 
 import unproject.training.loop as loop
 from unproject.adversarial.losses import Wasserstein
+from unproject.domains import Domain
 from unproject.networks import Discriminator
-from unproject.training import health, train
+from unproject.training import health, train, trainer
 from unproject.training.distribution import Distribution
 
 
@@ -49,7 +50,7 @@ def remembering(owner: Any, name: str) -> list[Any]:
 
 def main(folder: Path) -> None:
     torch.set_num_threads(1)
-    loop.EVERY = 2
+    trainer.EVERY = 2
     distribution = Distribution("cpu")
     rank = distribution.rank
     real, fake = torch.rand(2, 8, 1, 16, 16, generator=torch.Generator().manual_seed(1))
@@ -70,7 +71,7 @@ def main(folder: Path) -> None:
             (loop, "Recorder"),
             (loop.run_directory, "create"),
             (loop.checkpoint, "save"),
-            (loop, "save_samples"),
+            (Domain, "write_preview"),
         )
     )
     train(toy(steps=4, checkpoint_every=2, discriminator_steps=2), folder / "run", device="cpu", quiet=True)
@@ -88,7 +89,7 @@ def main(folder: Path) -> None:
         "diversity": diversity,
         "sums": sums,
         "writes": [len(creations), len(saves), len(pictures), recorders[0].file.name],
-        "ways": state.panels[0].ways.tolist(),
+        "views": state.panels[0].assignment.views.tolist(),
     }
     (folder / f"rank-{rank}.json").write_text(json.dumps(report))
 

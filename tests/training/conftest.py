@@ -24,4 +24,4 @@ def one_thread() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def log_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line every second step: toys train for a dozen."""
-    monkeypatch.setattr("unproject.training.loop.EVERY", 2)
+    monkeypatch.setattr("unproject.training.trainer.EVERY", 2)

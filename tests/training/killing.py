@@ -20,31 +20,31 @@ from typing import Any
 import torch
 from toy import toy
 
-import unproject.training.loop as loop
-from unproject.training import resume, train
+from unproject.assignment import PredictedState
+from unproject.training import resume, train, trainer
 
 PHASES = ("starting", "stepping", "assigning", "saving")
 phase = mmap.mmap(-1, 1)
 recipe = toy(steps=24, checkpoint_every=2, starts=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9))
 
 
-def watched(name: str) -> None:
-    """Note, where the parent can read it, when a method of the loop is running."""
-    method: Callable[..., Any] = getattr(loop.Loop, name)
+def watched(owner: type, name: str, number: int) -> None:
+    """Note, where the parent can read it, when a method is running."""
+    method: Callable[..., Any] = getattr(owner, name)
 
     def call(*arguments: Any) -> Any:
-        before, phase[0] = phase[0], {"advance": 1, "assign": 2, "save": 3}[name]
+        before, phase[0] = phase[0], number
         result = method(*arguments)
         phase[0] = before
         return result
 
-    setattr(loop.Loop, name, call)
+    setattr(owner, name, call)
 
 
 def go(run: Path) -> None:
     """What a child does: begin, or go on."""
     if (run / "recipe.json").exists():
-        resume(recipe, run, quiet=True)
+        resume(run, recipe, quiet=True)
     else:
         train(recipe, run, quiet=True)
 
@@ -64,9 +64,10 @@ def killed_after(seconds: float, run: Path) -> bool:
 
 def main(folder: Path, seed: int, kills: int = 10) -> None:
     torch.set_num_threads(1)
-    loop.EVERY = 2
-    for name in ("advance", "assign", "save"):
-        watched(name)
+    trainer.EVERY = 2
+    watched(trainer.Trainer, "step", 1)
+    watched(PredictedState, "_continue_round", 2)
+    watched(trainer.Trainer, "save", 3)
     train(toy(steps=1), folder / "warm", quiet=True)  # what is slow once only would spoil the measure of time
     began = time.monotonic()
     go(folder / "whole")

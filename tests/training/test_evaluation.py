@@ -6,82 +6,100 @@ from pathlib import Path
 
 import pytest
 import torch
-from toy import BINS, CHAIRS, SIZE, toy
+from toy import BINS, CHAIRS, SIZE, only_panel, toy
 
 from unproject._types import UserError
+from unproject.assignment import AssignmentState, Panel
 from unproject.data import Collection, chairs
+from unproject.domains import Volumes
 from unproject.training import Run, load, train
 from unproject.training.distribution import Distribution
-from unproject.training.evaluation import assigned_panel, evaluate, supervised_ceiling, true_views
+from unproject.training.evaluation import supervised_ceiling, true_views
+
+RECIPE = toy(steps=4)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return train(toy(steps=4), tmp_path_factory.mktemp("run") / "run", quiet=True)
+    return train(RECIPE, tmp_path_factory.mktemp("run") / "run", quiet=True)
 
 
 def test_true_views_are_the_bins_of_the_known_latents() -> None:
-    recipe = toy(steps=1)
-    from unproject.training.panel import build_panels
-
-    (panel,) = build_panels(recipe)
-    true = true_views(recipe, panel)
-    latents = recipe.looks[0][1].latents
+    panel = only_panel(RECIPE)
+    true, latents = true_views(panel), panel.collections[0].latents
     assert true is not None and latents is not None
-    assert torch.equal(true, latents["look"].long())
+    assert torch.equal(true, latents["view"].long())
+    assert true_views(Panel(panel.observations, Collection(panel.collections[0].items))) is None
 
 
-def test_assigned_ways_are_those_of_the_newest_checkpoint(run: Run) -> None:
-    panel = assigned_panel(run, toy(steps=4))
-    assert len(panel.ways) == 2 * CHAIRS and torch.equal(panel.ways, panel.heads)
+def test_assigned_views_are_those_of_the_newest_checkpoint(run: Run) -> None:
+    (state,) = run.assignments(RECIPE)
+    assert len(state.views) == 2 * CHAIRS and torch.equal(state.views, state.heads)
 
 
 def test_views_are_scored_where_they_are_known(run: Run) -> None:
-    scores = evaluate(run, toy(steps=4), None, n=8)
-    assert scores and all("view" in name for name in scores)
+    scores = {name: score for name, score in run.evaluate(n=8, recipe=RECIPE).items() if name.startswith("view_")}
+    assert {"view_exact", "view_within_one", "view_chance_exact", "view_information"} <= scores.keys()
     assert all(0 <= score.value <= 100 for score in scores.values())
 
 
-def test_a_perfect_assignment_scores_perfectly(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_perfect_assignment_scores_perfectly(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Up to gauge: every bin turned by one, and mirrored, is as good."""
-    import unproject.training.evaluation as evaluation
-
-    def perfect(run: Run, recipe: object) -> object:
-        panel = assigned_panel(run, toy(steps=4))
-        true = true_views(toy(steps=4), panel)
-        assert true is not None
-        panel.ways = (1 - true) % BINS
-        return panel
-
-    monkeypatch.setattr(evaluation, "assigned_panel", perfect)
-    scores = evaluate(run, toy(steps=4), None, n=8)
-    assert max(score.value for score in scores.values()) == pytest.approx(1.0)
+    true = true_views(only_panel(RECIPE))
+    assert true is not None
+    monkeypatch.setattr("unproject.assignment.predicted.PredictedState.estimates", lambda self: (1 - true) % BINS)
+    assert run.evaluate(n=8, recipe=RECIPE)["view_exact"].value == pytest.approx(1.0)
 
 
-def test_nothing_to_score_against(tmp_path: Path) -> None:
+def test_without_a_reference_a_run_is_checked_by_itself(tmp_path: Path) -> None:
+    """Samples by themselves, their projections against the training images, and nothing of views that are known."""
     recipe = toy(steps=1, views="known")
     train(recipe, tmp_path, quiet=True)
-    with pytest.raises(UserError, match="give --reference"):
-        evaluate(load(tmp_path), recipe, None)
+    scores = load(tmp_path).evaluate(n=12, recipe=recipe)
+    assert {"diversity", "in_one_piece", "empty", "mmd_iou_silhouette"} <= scores.keys()
+    assert "training images" in scores["mmd_iou_silhouette"].protocol
+    assert not [name for name in scores if name.startswith("view")]
+
+
+def test_self_checks_of_good_and_of_bad_samples() -> None:
+    domain, shapes = Volumes(), torch.zeros(12, SIZE, SIZE, SIZE)
+    for k, shape in enumerate(shapes):
+        shape[k // 2 : 10, 2:12, 3 : 6 + k // 2] = 1
+    broken = torch.zeros(4, SIZE, SIZE, SIZE)
+    broken[:2, :4], broken[:2, 8:12] = 1, 1
+    checks = domain.checks(torch.cat([shapes[:4], broken]))
+    assert checks["empty"].value == 0.25 and checks["in_one_piece"].value == pytest.approx(4 / 6)
+    same = domain.checks(shapes[:1].expand(6, -1, -1, -1))
+    assert abs(same["diversity"].value) < 1e-6 and domain.checks(shapes)["diversity"].value > 0.1
 
 
 def test_shapes_score_perfectly_against_themselves(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = chairs(12, SIZE, seed=3)
     monkeypatch.setattr(type(run.generator), "sample", lambda self, n, seed=0: shapes)
-    scores = evaluate(run, toy(steps=4), Collection(shapes), n=12)
+    scores = run.evaluate(Collection(shapes), n=12, recipe=RECIPE)
     assert scores["mmd_iou"].value == pytest.approx(0.0, abs=1e-6) and scores["cov_iou"].value == 1.0
 
 
-def test_the_ceiling_learns_views_that_can_be_told_apart() -> None:
-    from unproject.training.panel import build_panels
+def test_a_reference_that_fits_nothing_is_refused(run: Run) -> None:
+    with pytest.raises(UserError, match=r"references are of shape \(5,\); give samples or projections"):
+        run.evaluate(torch.zeros(8, 5), n=8, recipe=RECIPE)
 
-    (panel,) = build_panels(toy(steps=1))
+
+def test_projections_are_scored_in_views_as_frequent_as_the_datas(run: Run) -> None:
+    scores = run.evaluate(only_panel(RECIPE).collections[0], n=24, recipe=RECIPE)
+    assert "mmd_iou_silhouette" in scores
+    (state,) = run.assignments(RECIPE)
+    state.views.fill_(2)
+    assert set(AssignmentState.draw_views(state, 50, torch.Generator()).tolist()) == {2}
+
+
+def test_the_ceiling_learns_views_that_can_be_told_apart() -> None:
     stripes = torch.zeros(64, 1, SIZE, SIZE)
     true = torch.arange(64) % BINS
-    for i, way in enumerate(true.tolist()):
-        stripes[i, :, :, 4 * way : 4 * way + 4] = 1
-    panel.items = stripes
-    assert supervised_ceiling(panel, true, 0, steps=30).exact > 0.9
+    for i, view in enumerate(true.tolist()):
+        stripes[i, :, :, 4 * view : 4 * view + 4] = 1
+    panel = Panel(only_panel(RECIPE).observations, Collection(stripes))
+    assert supervised_ceiling(Volumes(), panel, true, 0, steps=30).exact > 0.9
 
 
 @pytest.mark.parametrize("device", ["abacus", "cuda"])

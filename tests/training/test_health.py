@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -12,33 +13,32 @@ from torch import Tensor
 from toy import toy
 
 from unproject.cli import main
+from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
-from unproject.training import checkpoint, health, loop, resume, train
+from unproject.training import checkpoint, health, resume, train, trainer
 from unproject.training.health import Diverged, check, check_finite, diversity
-from unproject.training.loop import Loop
+from unproject.training.trainer import Trainer
 
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loop, "save_samples", lambda generator, path: None)
+    monkeypatch.setattr(Domain, "write_preview", lambda *_: None)
 
 
 def breaking(monkeypatch: pytest.MonkeyPatch, *steps: int, where: str = "weights") -> None:
     """Training turns NaN at these steps, counted as taken, so that a repeated step is another one."""
-    step, taken = Loop._step, 0
+    update, taken = Trainer._update_generator, 0  # pyright: ignore[reportPrivateUsage]
 
-    def broken(self: Loop, progress: float) -> object:
+    def broken(self: Trainer, *arguments: Any) -> Tensor:
         nonlocal taken
-        losses, real, fake = step(self, progress)
+        loss = update(self, *arguments)
         taken += 1
         if taken in steps and where == "weights":
             with torch.no_grad():
                 self.state.generator.bias.fill_(float("nan"))
-        elif taken in steps:
-            losses["loss_g"] = torch.tensor(float("inf"))
-        return losses, real, fake
+        return torch.tensor(float("inf")) if taken in steps and where == "loss" else loss
 
-    monkeypatch.setattr(Loop, "_step", broken)
+    monkeypatch.setattr(Trainer, "_update_generator", broken)
 
 
 def events(run: Path) -> list[str]:
@@ -52,12 +52,12 @@ def test_the_first_time_it_goes_back_with_half_the_rate(
     breaking(monkeypatch, 6, where=where)
     run = train(toy(steps=12, checkpoint_every=4, views="known"), tmp_path, quiet=True)
     tensors = final(tmp_path)
-    assert run.step == 12 and tensors["counters/rate_scale"] == 0.5 and tensors["counters/rescues"] == 1
+    assert run.step == 12 and tensors["counters/rate_scale"] == 0.5 and tensors["counters/rollbacks"] == 1
     assert all(v.isfinite().all() for v in tensors.values() if v.is_floating_point())
-    (rescued,) = [line for line in stats(tmp_path) if line.get("event") == "rescued"]
-    assert rescued["step"] == 4 and 6 <= rescued["at"] <= 8 and "step" in rescued["reason"]
+    (rolled,) = [line for line in stats(tmp_path) if line.get("event") == "rollback"]
+    assert rolled["step"] == 4 and 6 <= rolled["at"] <= 8 and "step" in rolled["reason"]
     said = " ".join(capsys.readouterr().err.split())
-    assert "going back to step 4 with half the learning rate" in said
+    assert "rolling back to step 4 with half the learning rate" in said
 
 
 def test_the_second_time_it_stops_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,40 +79,40 @@ def test_what_is_not_finite_is_never_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, every: int, last: int
 ) -> None:
     """Losses are read now and then only: a checkpoint, or the end of the run, may come before they are."""
-    monkeypatch.setattr(loop, "EVERY", 100)
+    monkeypatch.setattr(trainer, "EVERY", 100)
     breaking(monkeypatch, 7)
     try:
         train(toy(steps=last, checkpoint_every=every, views="known"), tmp_path, quiet=True)
     except Diverged:
         assert every == 100 and checkpoint.list_checkpoints(tmp_path / "checkpoints") == []
     else:
-        assert events(tmp_path) == ["rescued"] and final(tmp_path)["generator/bias"].isfinite()
+        assert events(tmp_path) == ["rollback"] and final(tmp_path)["generator/bias"].isfinite()
 
 
-def test_a_rescued_run_that_is_stopped_keeps_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lines of before the rescue have later steps than the checkpoint of after it: steps do not tell which to keep."""
+def test_a_run_that_was_rolled_back_and_stopped_keeps_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines of before the rollback have later steps than the checkpoint of after it: steps do not say which to keep."""
     recipe = toy(steps=12, checkpoint_every=4, views="known")
     breaking(monkeypatch, 8)
     whole = train(recipe, tmp_path / "whole", quiet=True).path
     steps = [(line["step"], line.get("event")) for line in stats(whole)]
-    assert steps[:5] == [(2, None), (4, None), (6, None), (8, None), (4, "rescued")]
+    assert steps[:5] == [(2, None), (4, None), (6, None), (8, None), (4, "rollback")]
 
     breaking(monkeypatch, 8)
-    step, calls = Loop._step, iter(range(1, 100))
+    update, calls = Trainer._update_generator, iter(range(1, 100))  # pyright: ignore[reportPrivateUsage]
 
-    def stopped(self: Loop, progress: float) -> object:
+    def stopped(self: Trainer, *arguments: Any) -> Tensor:
         if next(calls) == 9:
             signal.raise_signal(signal.SIGINT)
-        return step(self, progress)
+        return update(self, *arguments)
 
-    monkeypatch.setattr(Loop, "_step", stopped)
+    monkeypatch.setattr(Trainer, "_update_generator", stopped)
     assert train(recipe, tmp_path / "stopped", quiet=True).step == 5
-    resume(recipe, tmp_path / "stopped", quiet=True)
+    resume(tmp_path / "stopped", recipe, quiet=True)
     assert differences(whole, tmp_path / "stopped") == []
 
 
 class Constant(LowRankGenerator):
-    """A generator that always makes the same thing."""
+    """A generator that always makes the same shape."""
 
     def forward(self, code: Tensor) -> Tensor:
         return super().forward(torch.zeros_like(code).detach()) * 0 + self.bias * 0 + 0.3
@@ -123,10 +123,10 @@ def test_collapse_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     recipe = toy(steps=40, checkpoint_every=2, views="direct").replace(generator=lambda: Constant(16, 8, 8, 4))
     with pytest.raises(Diverged, match="collapsed at step .* looks the same .*lower the learning rate"):
         train(recipe, tmp_path, quiet=True)
-    assert events(tmp_path) == ["rescued"]
+    assert events(tmp_path) == ["rollback"]
 
 
-def test_a_collapse_is_five_dull_looks_in_a_row() -> None:
+def test_a_collapse_is_five_checks_in_a_row() -> None:
     dull = 0
     for _ in range(4):
         dull = check(400, {"loss": 1.0}, 0.01, dull)

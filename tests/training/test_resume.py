@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,14 @@ import pytest
 import torch
 from comparing import differences, final, stats, temporaries
 from torch import Tensor
-from toy import toy
+from toy import only_panel, toy, with_panel, with_predicted
 
 from unproject._types import UserError
-from unproject.adversarial.assignment import Predicted
+from unproject.assignment import Estimator, PredictorFit, predicted
 from unproject.data import Collection
-from unproject.training import Adam, Recipe, checkpoint, load, loop, resume, run_directory, train
+from unproject.domains import Domain
+from unproject.training import Adam, Recipe, checkpoint, load, resume, run_directory, train, trainer
+from unproject.training.trainer import Trainer
 
 # Rounds begin at odd steps and checkpoints are of even ones: what a round decided must come out of a checkpoint.
 STARTS = (0.3, 0.55, 0.8)
@@ -31,7 +32,7 @@ RECIPE = toy(steps=8, checkpoint_every=2, starts=STARTS)
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """They would take half of the time."""
-    monkeypatch.setattr(loop, "save_samples", lambda generator, path: None)
+    monkeypatch.setattr(Domain, "write_preview", lambda *_: None)
 
 
 class Killed(BaseException):
@@ -42,7 +43,7 @@ class Killed(BaseException):
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that nothing ever stopped."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop, "EVERY", 2)
+        patch.setattr(trainer, "EVERY", 2)
         return train(RECIPE, tmp_path_factory.mktemp("whole") / "run", quiet=True).path
 
 
@@ -80,14 +81,14 @@ def test_ten_kills_with_sigkill(tmp_path: Path) -> None:
 
 
 INSTANTS = [
-    (loop.Loop, "_step", 1),  # before the first checkpoint
-    (loop.Loop, "_step", 6),
-    (loop, "predict", 2),  # between training the predictor and using it
-    (loop, "choose_ways", 3),
+    (Trainer, "_project", 1),  # before the first checkpoint
+    (Trainer, "_update_generator", 6),
+    (PredictorFit, "probabilities", 2),  # between fitting the predictor and using it
+    (Estimator, "assign", 3),
     (checkpoint, "save_file", 3),
     (os, "replace", 5),  # the file is written but has no name yet
-    (loop, "save_samples", 3),  # the checkpoint is there, its picture is not
-    (loop.run_directory, "write_json", 2),  # recipe.json was never written
+    (Domain, "write_preview", 3),  # the checkpoint is there, its picture is not
+    (run_directory, "write_json", 2),  # recipe.json was never written
 ]
 
 
@@ -100,7 +101,7 @@ def test_killed_at_an_exact_instant(whole: Path, tmp_path: Path, owner: object, 
         with pytest.raises(Killed):
             train(RECIPE, run, quiet=True)
     if (run / "recipe.json").exists():
-        resume(RECIPE, run, quiet=True)
+        resume(run, RECIPE, quiet=True)
     else:
         train(RECIPE, run, quiet=True)
     assert differences(whole, run) == []
@@ -112,24 +113,24 @@ def test_what_a_killed_save_left_is_removed(tmp_path: Path) -> None:
     left = [*of_ours, tmp_path / "checkpoints" / ".tmp9o543H"]  # the last one as safetensors names its own
     for path in left:
         path.write_bytes(b"half")
-    resume(toy(steps=4), tmp_path, quiet=True)
+    resume(tmp_path, toy(steps=4), quiet=True)
     assert temporaries(tmp_path) == []
 
 
 def test_a_torn_last_line_is_dropped(whole: Path, tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        at_call(patch, loop.Loop, "_step", 6, die)
+        at_call(patch, Trainer, "_update_generator", 6, die)
         with pytest.raises(Killed):
             train(RECIPE, tmp_path, quiet=True)
     with (tmp_path / "stats.jsonl").open("a") as file:
         file.write('{"step": 6, "seco')
-    resume(RECIPE, tmp_path, quiet=True)
+    resume(tmp_path, RECIPE, quiet=True)
     assert stats(tmp_path) == stats(whole)
 
 
 def test_a_finished_run_resumes_to_itself(whole: Path) -> None:
     before, lines = final(whole), stats(whole)
-    run = resume(RECIPE, whole, quiet=True)
+    run = resume(whole, RECIPE, quiet=True)
     after = final(whole)
     assert run.step == 8 and stats(whole) == lines
     assert all(torch.equal(before[name], after[name]) for name in before)
@@ -137,7 +138,7 @@ def test_a_finished_run_resumes_to_itself(whole: Path) -> None:
 
 def test_a_larger_budget_goes_on(tmp_path: Path) -> None:
     train(toy(steps=4), tmp_path, quiet=True)
-    assert resume(toy(steps=6, checkpoint_every=3), tmp_path, quiet=True).step == 6
+    assert resume(tmp_path, toy(steps=6, checkpoint_every=3), quiet=True).step == 6
     assert [p.name for p in checkpoint.list_checkpoints(tmp_path / "checkpoints")] == [
         "step-000000004.safetensors",
         "step-000000006.safetensors",
@@ -147,7 +148,7 @@ def test_a_larger_budget_goes_on(tmp_path: Path) -> None:
 def test_a_budget_in_minutes_ends_with_a_checkpoint(tmp_path: Path) -> None:
     run = train(toy(minutes=0.02), tmp_path, quiet=True)
     assert run.step > 0 and load(tmp_path).step == run.step
-    assert resume(toy(minutes=0.02), tmp_path, quiet=True).step == run.step
+    assert resume(tmp_path, toy(minutes=0.02), quiet=True).step == run.step
 
 
 def interrupt() -> None:
@@ -158,21 +159,21 @@ def interrupt() -> None:
 def test_the_first_ctrl_c_saves_and_leaves(whole: Path, tmp_path: Path, number: int) -> None:
     before = signal.getsignal(number)
     with pytest.MonkeyPatch.context() as patch:
-        at_call(patch, loop.Loop, "_step", 7, lambda: signal.raise_signal(number))
+        at_call(patch, Trainer, "_update_generator", 7, lambda: signal.raise_signal(number))
         run = train(RECIPE, tmp_path, quiet=True)
     assert run.step == 7 and load(tmp_path).step == 7
     assert signal.getsignal(number) is before
-    assert resume(RECIPE, tmp_path, quiet=True).step == 8
+    assert resume(tmp_path, RECIPE, quiet=True).step == 8
     assert differences(whole, tmp_path) == []
 
 
 def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        at_call(patch, loop.Loop, "_step", 7, lambda: (interrupt(), interrupt()))
+        at_call(patch, Trainer, "_update_generator", 7, lambda: (interrupt(), interrupt()))
         with pytest.raises(KeyboardInterrupt):
             train(RECIPE, tmp_path, quiet=True)
     assert load(tmp_path).step == 6 and temporaries(tmp_path) == []
-    resume(RECIPE, tmp_path, quiet=True)
+    resume(tmp_path, RECIPE, quiet=True)
     assert differences(whole, tmp_path) == []
 
 
@@ -180,11 +181,9 @@ def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize("settings", [{}, {"fresh": True}], ids=["one predictor", "fresh ones"])
 def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], None], settings: dict[str, Any]) -> None:
     """Of full size it takes minutes: its checkpoints have the predictor, its moments and the steps done."""
-    assignment = RECIPE.assignment
-    assert isinstance(assignment, Predicted)
-    recipe = RECIPE.replace(assignment=replace(assignment, steps=7, **settings))
+    recipe = with_predicted(RECIPE, fit={"steps": 7, **settings})
     whole = train(recipe, tmp_path / "whole", quiet=True).path
-    run, calls, fit = tmp_path / "run", 0, loop.fit
+    run, calls, fit = tmp_path / "run", 0, PredictorFit.run
 
     def stopped(*arguments: Any) -> Iterator[tuple[int, Tensor]]:
         nonlocal calls
@@ -195,14 +194,15 @@ def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], No
             yield done, loss
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop, "FIT_REPORTS", 1)
-        patch.setattr(loop, "FIT_SAVES", 4)
-        patch.setattr(loop, "fit", stopped)
+        patch.setattr(predicted, "REPORT_EVERY", 1)
+        patch.setattr(predicted, "SAVE_EVERY", 4)
+        patch.setattr(PredictorFit, "run", stopped)
         with suppress(Killed):
             train(recipe, run, quiet=True)
-    counters = checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")
-    assert counters["counters/fitting"] == 2 and counters["counters/fitted"] == (5 if act is interrupt else 4)
-    assert resume(recipe, run, quiet=True).step == 8
+    stored = checkpoint.load(checkpoint.newest(run / "checkpoints"), "panels/0/assignment/")
+    assert stored["panels/0/assignment/fitting"] == 2
+    assert stored["panels/0/assignment/fitted"] == (5 if act is interrupt else 4)
+    assert resume(run, recipe, quiet=True).step == 8
     assert differences(whole, run) == []
 
 
@@ -223,24 +223,54 @@ def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None and other.stdout.readline() == "held\n"
         with pytest.raises(UserError, match="another process is training this run"):
-            resume(toy(steps=3), tmp_path, quiet=True)
+            resume(tmp_path, toy(steps=3), quiet=True)
         other.kill()  # however that process ends, the run is free again
-    assert resume(toy(steps=3), tmp_path, quiet=True).step == 3
+    assert resume(tmp_path, toy(steps=3), quiet=True).step == 3
 
 
 CHANGED: dict[str, Recipe] = {
-    "looks": RECIPE.replace(looks=[(way, Collection(seen.items.flip(0))) for way, seen in RECIPE.looks[:1]]),
+    "panels": with_panel(RECIPE, data=Collection(only_panel(RECIPE).collections[0].items.flip(0))),
     "seed": RECIPE.replace(seed=1),
     "batch": RECIPE.replace(batch=8),
     "generator_optimiser": RECIPE.replace(generator_optimiser=Adam(0.1)),
-    "assignment": toy(steps=8, starts=(0.25, 0.5)),
 }
+
+
+@pytest.mark.parametrize("settings", [{"starts": (0.25, 0.5)}, {"clusters": 2}], ids=str)
+def test_another_assignment_is_refused(whole: Path, settings: dict[str, Any]) -> None:
+    with pytest.raises(UserError, match=": panels differs"):
+        resume(whole, toy(steps=8, **settings), quiet=True)
 
 
 @pytest.mark.parametrize("field", CHANGED)
 def test_another_recipe_is_refused_by_the_field(whole: Path, field: str) -> None:
     with pytest.raises(UserError, match=f": {field} differs"):
-        resume(CHANGED[field], whole, quiet=True)
+        resume(whole, CHANGED[field], quiet=True)
+
+
+def test_a_run_of_a_recipe_function_resumes_by_its_path_alone(whole: Path, tmp_path: Path) -> None:
+    """With `trust`, since the toy is no part of the package."""
+    with pytest.MonkeyPatch.context() as patch:
+        at_call(patch, Trainer, "_update_generator", 6, die)
+        with pytest.raises(Killed):
+            train(RECIPE, tmp_path, quiet=True)
+    with pytest.raises(UserError, match="code outside unproject; add --trust"):
+        resume(tmp_path, quiet=True)
+    assert resume(tmp_path, trust=True, quiet=True).step == 8
+    assert differences(whole, tmp_path) == []
+
+
+def test_a_recipe_that_was_changed_in_python_must_be_given(tmp_path: Path) -> None:
+    recipe = with_panel(toy(steps=2), weight=2.0)
+    train(recipe, tmp_path, quiet=True)
+    with pytest.raises(UserError, match=r"built in Python; call unproject.resume\(path, recipe\)"):
+        resume(tmp_path, trust=True, steps=4)
+    assert resume(tmp_path, recipe, steps=4, quiet=True).step == 4
+
+
+def test_options_that_were_changed_in_python_are_remembered(tmp_path: Path) -> None:
+    train(toy(steps=3, views="known").replace(batch=2, steps=2, minutes=9.0), tmp_path, quiet=True)
+    assert resume(tmp_path, trust=True, steps=3, quiet=True).step == 3
 
 
 def test_a_learned_prior_goes_on_where_it_was(tmp_path: Path) -> None:
@@ -248,10 +278,10 @@ def test_a_learned_prior_goes_on_where_it_was(tmp_path: Path) -> None:
     recipe = toy(views="learned", steps=6, checkpoint_every=2)
     whole = train(recipe, tmp_path / "whole", quiet=True)
     with pytest.MonkeyPatch.context() as patch:
-        at_call(patch, loop.Loop, "_step", 6, die)
+        at_call(patch, Trainer, "_update_generator", 6, die)
         with pytest.raises(Killed):
             train(recipe, tmp_path / "killed", quiet=True)
-    resume(recipe, tmp_path / "killed", quiet=True)
+    resume(tmp_path / "killed", recipe, quiet=True)
     assert differences(whole.path, tmp_path / "killed") == []
     tensors = checkpoint.load(checkpoint.newest(whole.path / "checkpoints"))
-    assert tensors["way_distribution/logits"].abs().max() > 0
+    assert tensors["panels/0/assignment/logits"].abs().max() > 0

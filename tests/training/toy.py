@@ -5,33 +5,33 @@ Usable from the command line too: `unproject train tests/training/toy.py:toy --s
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
+from typing_extensions import Unpack
 
-from unproject.adversarial.assignment import Known, Predicted
-from unproject.adversarial.learned_prior import LearnedPrior
 from unproject.adversarial.losses import Hinge, Loss, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty
+from unproject.assignment import Estimator, Panel, Predicted, PredictorFit, Rounds
 from unproject.data import Collection, chairs, observe
 from unproject.networks import Discriminator, Generator, LowRankGenerator, ViewPredictor
-from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
-from unproject.projections.priors import Product
-from unproject.projections.silhouette import Silhouette, azimuth_bins, continuous_views
-from unproject.recipes.pairing import Views, by_known_view
-from unproject.recipes.shapes import look_at
-from unproject.training import Adam, Recipe
-from unproject.training.recipe import Looks
+from unproject.projections.silhouette import Silhouette, azimuth_bins
+from unproject.recipes.pairing import Views, panel_of
+from unproject.recipes.shapes import silhouettes_of
+from unproject.training import Adam, Options, Recipe, resumable
 
 SIZE, CHAIRS, BINS = 16, 24, 4
 
 
 class Layer(Generator):
     """The smallest generator there is, and one from outside the package."""
+
+    domain = "volumes"
 
     def __init__(self, code_size: int = 4) -> None:
         super().__init__(code_size)
@@ -41,14 +41,12 @@ class Layer(Generator):
         return torch.sigmoid(self.linear(code)).view(-1, SIZE, SIZE, SIZE)
 
 
+@resumable
 def toy(
     *,
     data: Path | None = None,
     views: Views = "predicted",
-    steps: int | None = None,
-    minutes: float | None = None,
     seed: int = 0,
-    batch: int = 4,
     rate: float = 5e-4,
     loss: Literal["relativistic", "wasserstein", "hinge"] = "relativistic",
     starts: tuple[float, ...] = (0.25, 0.5, 0.75),
@@ -56,23 +54,14 @@ def toy(
     clusters: int | None = None,
     restart: bool = False,
     draw: Literal["argmax", "posterior"] = "argmax",
-    discriminator_steps: int = 1,
-    looks_each: int = 1,
-    precision: Literal["float32", "bfloat16"] = "float32",
-    compile: bool = False,
-    checkpoint_every: int = 100,
+    **options: Unpack[Options],
 ) -> Recipe:
     """Chairs of 16³ voxels from silhouettes of four views."""
     silhouette = Silhouette(size=SIZE, rule="absorption", density=2.0)
     predicted = Predicted(
-        partial(ViewPredictor, channels=4),
-        starts,
-        images,
-        steps=5,
-        batch=16,
-        clusters=clusters,
-        restart=restart,
-        draw=draw,
+        Rounds(starts, restart=restart),
+        PredictorFit(partial(ViewPredictor, channels=4), images, steps=5, batch=16),
+        Estimator(draw, clusters=clusters),
     )
     of_loss: dict[str, tuple[Loss, Penalty | None]] = {
         "relativistic": (Relativistic(), R1R2(1.0, every=4)),
@@ -80,27 +69,20 @@ def toy(
         "hinge": (Hinge(), None),
     }
     adam = Adam(rate)
+    observations = azimuth_bins(BINS, silhouette)
     return Recipe(
         generator=partial(LowRankGenerator, size=SIZE, channels=8, rank=4, code_size=8),
-        discriminator=partial(Discriminator, channels=4, bottleneck=16, shared=4, volumetric=views == "direct"),
-        looks=look_at(data, views, azimuth_bins(BINS, silhouette), 2, False, seed)
-        if data
-        else toy_looks(views, silhouette, seed),
-        assignment={"predicted": predicted, "learned": LearnedPrior(images=2)}.get(views, Known()),
+        discriminator=partial(Discriminator, channels=4, volumetric=views == "direct"),
+        panels=[panel_of(views, observations, toy_data(data, views, observations, seed), predicted)],
         loss=of_loss[loss][0],
         penalty=of_loss[loss][1],
         generator_optimiser=adam,
         discriminator_optimiser=adam,
-        discriminator_steps=discriminator_steps,
-        batch=batch,
-        looks_each=looks_each,
-        steps=12 if steps is None and minutes is None else steps,
-        minutes=minutes,
+        batch=4,
+        steps=12,
+        checkpoint_every=100,
         seed=seed,
-        precision=precision,
-        compile=compile,
-        checkpoint_every=checkpoint_every,
-    )
+    ).configured(options)
 
 
 def own(*, steps: int = 2, seed: int = 0) -> Recipe:
@@ -108,13 +90,31 @@ def own(*, steps: int = 2, seed: int = 0) -> Recipe:
     return toy(steps=steps, seed=seed, views="known").replace(generator=Layer)
 
 
-def toy_looks(views: Views, silhouette: Silhouette, seed: int) -> Looks:
-    """The looks of the shape recipes on a few chairs, since theirs are a thousand."""
+def toy_data(data: Path | None, views: Views, observations: tuple[Observation, ...], seed: int) -> Collection:
+    """The data of the shape recipes with few chairs, since theirs are a thousand."""
+    if data is not None:
+        return silhouettes_of(data, views, observations, 2, False, seed)
     shapes = Collection(chairs(CHAIRS, SIZE))
-    if views == "direct":
-        return [(Observation("volume", Identity(), Product()), shapes)]
-    ways = azimuth_bins(BINS, silhouette)
-    seen = observe(shapes, ways, 2, seed)
-    if views == "known":
-        return by_known_view(seen, ways)
-    return [(way, seen) for way in (ways if views in ("predicted", "learned") else continuous_views(silhouette))]
+    return shapes if views == "direct" else observe(shapes, observations, 2, seed)
+
+
+def with_panel(recipe: Recipe, **changes: Any) -> Recipe:
+    """The recipe with its first panel changed."""
+    first, *others = recipe.panels
+    return recipe.replace(panels=[replace(first, **changes), *others])
+
+
+def with_predicted(recipe: Recipe, **changes: Any) -> Recipe:
+    """The recipe with its first panel's assignment changed; `fit`, `rounds`, `estimator` as dictionaries of fields."""
+    assignment = recipe.panels[0].assignment
+    assert isinstance(assignment, Predicted)
+    whole = {
+        name: replace(getattr(assignment, name), **change) if isinstance(change, dict) else change
+        for name, change in changes.items()
+    }
+    return with_panel(recipe, assignment=replace(assignment, **whole))
+
+
+def only_panel(recipe: Recipe) -> Panel:
+    (panel,) = recipe.panels
+    return panel

@@ -51,25 +51,53 @@ def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: i
 
 
 def bind_recipe(verb: str, argv: Sequence[str], run: Callable[..., Any]) -> Callable[[], Any]:
-    """Read `RECIPE --flags` for `run(recipe, origin, /, *, ...)`: flags of the recipe's function and of `run`.
+    """Read `RECIPE --flags` for `run(recipe, /, *, ...)`: flags of the recipe's function, of `Recipe` and of `run`.
 
-    RECIPE is a built-in name, `module:function` or `path/to/file.py:function`. What is returned makes
-    the recipe, by calling its function with the flags it takes, and hands it and its origin to `run`.
+    RECIPE is a built-in name, `module:function` or `path/to/file.py:function`. What is returned makes the recipe, by
+    calling its function with the flags it takes and setting the other fields, and hands it to `run`.
     """
     if argv and not argv[0].startswith("-"):
         factory = find_recipe(argv[0])
-        make, go = bind(f"{verb} {argv[0]}", argv[1:], factory, run, skip=2)
+        own, options, go = bind(f"{verb} {argv[0]}", argv[1:], factory, recipe_options(factory), run, skip=1)
 
         def call() -> Any:
-            from unproject.recipes import origin
+            from unproject.training import make
 
-            return go(make(), origin(argv[0], make.keywords))
+            return go(make(argv[0], factory, {**own.keywords, **options()}))
 
         return call
     if {"-h", "--help"} & set(argv):
         print(f"`unproject {verb} RECIPE --help` adds the recipe's own flags; `unproject recipes` lists them.\n")
-        bind(f"{verb} RECIPE", ["--help"], run, skip=2)
+        bind(f"{verb} RECIPE", ["--help"], run, skip=1)
     raise UserError(f"{verb}: name a recipe first: `unproject {verb} shapes ...`; `unproject recipes` lists them")
+
+
+def recipe_options(factory: Callable[..., Any]) -> Callable[..., dict[str, Any]]:
+    """Return a function whose parameters are the fields of `Recipe` that are flags of every recipe.
+
+    Those that the recipe's own function takes are left to it. It returns what was given; None and False mean nothing.
+    """
+    from unproject.training import Options, Recipe
+
+    taken = {p.name for p in inspect.signature(factory).parameters.values() if p.kind is not p.VAR_KEYWORD}
+    kinds = {**typing.get_type_hints(Options), "seed": int}
+    text = docstring_parser.parse(inspect.getdoc(Recipe) or "")
+
+    def options(**given: Any) -> dict[str, Any]:
+        return {name: value for name, value in given.items() if value not in (None, False)}
+
+    free = {name: bool if kind is bool else kind | None for name, kind in kinds.items() if name not in taken}
+    vars(options)["__signature__"] = inspect.Signature(
+        [
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=False if kind is bool else None, annotation=kind
+            )
+            for name, kind in free.items()
+        ]
+    )
+    shown = "\n".join(f"    {p.arg_name}: {' '.join((p.description or '').split())}" for p in text.params)
+    options.__doc__ = f"Set fields of the recipe.\n\nArgs:\n{shown}\n"
+    return options
 
 
 def find_recipe(name: str) -> Callable[..., Any]:
@@ -87,6 +115,7 @@ def find_recipe(name: str) -> Callable[..., Any]:
 def _flags(function: Callable[..., Any], skip: int) -> dict[str, inspect.Parameter]:
     """The parameters of a function that the command line can give, with their annotations resolved."""
     parameters = list(inspect.signature(function).parameters.values())[skip:]
+    parameters = [p for p in parameters if p.kind is not p.VAR_KEYWORD]
     kinds = _resolved(function, {p.name: p.annotation for p in parameters if p.annotation is not p.empty})
     found = {}
     for p in parameters:
@@ -131,7 +160,9 @@ def _options(verb: str, functions: Sequence[Callable[..., Any]], signatures: Seq
 
 def _annotated(p: inspect.Parameter, text: str) -> Any:
     positional = p.kind is p.POSITIONAL_ONLY
-    argument = tyro.conf.arg(help=text or None, metavar=p.name.upper() if positional else None)
+    # A flag named like a word of Python's, --for, is a parameter `for_`.
+    name = p.name[:-1] if p.name.endswith("_") else None
+    argument = tyro.conf.arg(name=name, help=text or None, metavar=p.name.upper() if positional else None)
     kind = Annotated[_without_none(p), argument]
     return tyro.conf.Positional[kind] if positional else kind
 
@@ -139,12 +170,14 @@ def _annotated(p: inspect.Parameter, text: str) -> Any:
 def _without_none(p: inspect.Parameter) -> Any:
     """`T | None = None` read as plain T: None means that the flag was left out, nobody types it."""
     parts = [part for part in typing.get_args(p.annotation) if part is not type(None)]
-    if p.default is not None or len(parts) != 1 or parts[0] not in (int, float, str, Path):
+    choices = typing.get_args(parts[0]) if len(parts) == 1 and typing.get_origin(parts[0]) is Literal else ()
+    if p.default is not None or len(parts) != 1 or not (choices or parts[0] in (int, float, str, Path)):
         return p.annotation
-    read = parts[0]
+    read = str if choices else parts[0]
     spec = tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
-        metavar=read.__name__.upper(),
+        metavar=f"{{{','.join(choices)}}}" if choices else read.__name__.upper(),
+        choices=tuple(choices) or None,
         instance_from_str=lambda words: read(words[0]),
         is_instance=lambda value: value is None or isinstance(value, read),
         str_from_instance=lambda value: [str(value)],
@@ -194,7 +227,7 @@ def _perhaps(wrong: str, options: type) -> str:
 
 def _spelling(field: dataclasses.Field[Any]) -> str:
     on = field.default_factory is not dataclasses.MISSING and field.default_factory() is True
-    return ("no-" if on else "") + field.name.replace("_", "-")
+    return ("no-" if on else "") + field.name.rstrip("_").replace("_", "-")
 
 
 def _filled(function: Callable[..., Any], signature: dict[str, inspect.Parameter], values: dict[str, Any]) -> partial:

@@ -10,21 +10,20 @@ from ._machine import use_threads
 
 
 def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, threads: int | None = None) -> None:
-    """Learn chairs from 16000 unlabelled silhouettes, with no views and no shapes given, on this machine.
+    """Learn chairs from 16000 unlabelled silhouettes, without views or shapes, on this machine.
 
-    Leaves in --out: silhouettes.png (what was learned from), chairs.png (a contact sheet of new chairs),
-    turntable.gif, chair-NN.glb for Blender or any viewer, and run/, the run directory.
+    Writes into --out: silhouettes.png (the data), chairs.png (a contact sheet of new chairs), turntable.gif,
+    glb/shape_NN.glb for Blender or any viewer, and run/, the run directory.
 
     Args:
         out: where to put it all.
         minutes: of training.
         seed: of everything random.
-        threads: processor threads; all cores unless given.
+        threads: processor threads (default: all cores).
     """
     from .. import export
-    from ..recipes import origin
     from ..recipes.shapes import shapes
-    from ..training import load, train
+    from ..training import train
 
     use_threads(threads)
     if (out / "run").exists():
@@ -32,11 +31,10 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
     began = time.monotonic()
     print(f"Rendering unlabelled silhouettes of a family of chairs, then training for {minutes:g} minutes.")
     recipe = shapes(minutes=minutes, seed=seed)
-    masks = recipe.looks[0][1].items
+    masks = recipe.panels[0].collections[0].items
     out.mkdir(parents=True, exist_ok=True)
     export.silhouette_sheet(masks[:: max(len(masks) // 64, 1)][:64], out / "silhouettes.png")
-    train(recipe, out / "run", origin=origin("shapes", {"minutes": minutes, "seed": seed}))
-    chairs = load(out / "run").generator.sample(16, seed=1)
+    chairs = train(recipe, out / "run").sample(16, seed=1)
     export.contact_sheet(chairs[:8], path=out / "chairs.png")
     export.turntable(chairs, out / "turntable.gif")
     export.glb(chairs, out / "glb")

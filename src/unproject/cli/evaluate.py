@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json as json_module
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .._types import UserError
 from ._machine import use_threads
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from ..data import Collection
+    from ..metrics import Score
 
 
 def run(
@@ -28,61 +27,49 @@ def run(
     threads: int | None = None,
     trust: bool = False,
 ) -> None:
-    """Score a run: shapes, images, or what is seen of them, against held-out ones; predicted views against true ones.
+    """Score a run: its samples, or projections of them, against held-out ones; estimated views against known ones.
+
+    Without a reference, runs on data of your own are checked by themselves: samples against one another, their
+    projections against the training images, and what the view predictor knows.
 
     Args:
         path: the run directory.
-        reference: held-out shapes or images, silhouettes or line integrals; for the embedded chairs 200 others of
-            the family, for the embedded digits the 297 that are kept for this, for embedded materials as many others.
-        n: how many things to generate; 256 shapes, 2000 images or 500 materials unless given.
-        seed: of what is generated and of the measurement.
-        ceiling: also train a view predictor on the true views, to say what could be had.
+        reference: held-out shapes, images or materials; or silhouettes or line integrals (default: for runs without
+            --data, held-out samples of the recipe's own data set).
+        n: how many samples to score (default: 256 shapes, 2000 images or 500 materials).
+        seed: of the samples and of the measurement.
+        ceiling: also train a view predictor on the known views, as an upper bound.
         json: print one JSON object: metric → value, protocol, n, seed.
-        threads: processor threads; all cores unless given.
+        threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
-    from ..ops.maps import kind_of
-    from ..recipes import rebuild
-    from ..training import Origin, load
-    from ..training.evaluation import evaluate
-    from ..training.run_directory import read_recipe
+    from ..recipes.held_out import held_out
+    from ..training import load
+    from ..training.run_directory import read_origin
 
     use_threads(threads)
     if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
-    opened = load(path, trust)
-    stored = read_recipe(path)
-    recipe = rebuild(Origin(stored["recipe"], stored["arguments"]), trust)
-    one = opened.generator.sample(1)
-    count = n or MANY[kind_of(one)]
-    held_out = _reference(reference, stored, one, count)
-    scores = evaluate(opened, recipe, held_out, count, seed, ceiling)
+    opened = load(path, trust=trust)
+    size, count = opened.sample(1).shape[-1], n or opened.domain.scored
+    if reference is not None:
+        against = opened.domain.read(reference, size).floats()
+    else:
+        against = held_out(read_origin(path), size, count)
+    scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling, trust=trust)
     if json:
         print(json_module.dumps({name: asdict(score) for name, score in scores.items()}, indent=1))
         return
+    print(table(scores))
+    if against is None:
+        print("Self-checks only; --reference, held-out samples or projections, adds distances to them.")
+
+
+def table(scores: Mapping[str, Score]) -> str:
+    """Return the scores, a line each, below what their protocols have in common, which is printed once."""
+    groups: dict[str, list[str]] = {}
+    width = max(map(len, scores), default=0)
     for name, score in scores.items():
-        print(f"{name:<16} {score.value:8.4f}   {score.protocol}")
-
-
-MANY = {"image": 2000, "volume": 256, "maps": 500}
-UNSEEN = 2**40  # the seed of materials that no recipe trains on
-
-
-def _reference(path: Path | None, stored: dict[str, Any], one: Tensor, count: int) -> Collection | None:
-    """Held-out things: what the user names, else those kept of the embedded default if the run was trained on it."""
-    from ..data import Collection, chairs, digits, read, read_images, read_materials
-    from ..ops.maps import kind_of
-
-    kind, size = kind_of(one), one.shape[-1]
-    if path is not None:
-        if kind == "maps":
-            return Collection(read_materials(path, size)[0])
-        return read_images(path, size) if kind == "image" else read(path, size=size)
-    if stored["arguments"].get("data") is not None:
-        return None
-    if kind == "maps":
-        from ..recipes.materials import WORLDS
-
-        world = WORLDS.get(stored["recipe"].partition("-")[0])
-        return None if world is None else Collection(world(count, size, UNSEEN))
-    return Collection(digits(size, held_out=True) if kind == "image" else chairs(200, size, seed=1))
+        measure, _, setting = score.protocol.partition(", ")
+        groups.setdefault(setting, []).append(f"  {name:<{width}} {score.value:9.4f}   {measure}")
+    return "\n".join("\n".join([f"{setting or 'all'}:", *lines]) for setting, lines in groups.items())

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from .._types import UserError
-from ._materials import Materials, read_maps
+from ._materials import read_maps
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
+    from ..domains import Domain
     from ..export import Written
 
 
@@ -30,15 +30,16 @@ def run(
     size: int | None = None,
     trust: bool = False,
 ) -> None:
-    """Write new shapes of a run, or the shapes or materials that `unproject sample` wrote.
+    """Write samples of a run, or those that `unproject sample` wrote, for other tools.
 
     Args:
         source: A run directory, an .npz of `unproject sample`, or a folder of textures.
-        out: The file (with the format's suffix: one scene of all shapes) or the folder to write.
-        to: glb, obj and ply are meshes, vox voxels, npz arrays, png a contact sheet and gif a turntable. Of materials:
-            maps are folders of PNG or EXR, mtlx the same with MaterialX, gltf a .glb of planes.
-        n: How many; of a run 16 unless given, of a file or a folder of materials all.
-        seed: Which shapes: the same seed draws the same ones.
+        out: The file (with the format's suffix) or the folder to write.
+        to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
+            turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
+            planes).
+        n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
+        seed: Which samples: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
         hull: Fill what no level view can see.
         depth: Bits of the maps' PNG, or half or float EXR.
@@ -47,55 +48,76 @@ def run(
         size: Resample folders of textures to so many pixels a side.
         trust: Import the generator's code although it is not of this package.
     """
-    from .. import export
     from ..training.run_directory import naming
 
-    if to in export.MATERIAL_FORMATS:
-        if faces is not None or hull:
-            raise UserError(f"--to {to}: --faces and --hull are for shapes; leave them out")
-        if to == "gltf" and out.suffix not in ("", ".glb"):
-            raise UserError(f"--out {out}: give a name that ends in .glb, or a folder")
-        found = _materials(source, n, seed, trust, size)
-        write = export.MATERIAL_FORMATS[to]
-        with naming(out):
-            written = write(found.maps, out, depth=depth, fresnel=fresnel or found.fresnel, eta=eta)
-        _report(written)
-        return found.say_skipped()
-    options = _options(to, faces)
-    volumes = _volumes(source, n, seed, trust)
-    _report(export.write(_hull(volumes) if hull else volumes, to, out, **options))
+    found = _found(source, n, seed, trust, size)
+    options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
+    if "depth" in options:
+        options["fresnel"] = fresnel or found.fresnel
+    x = _hull(found.x) if hull else found.x
+    with naming(out):
+        written = found.domain.exporters[to](x, out, **options)
+    _report(written)
+    for name, why in found.skipped:
+        print(f"skipped {name}: {why}", file=sys.stderr)
+    if found.skipped:
+        print(f"skipped {len(found.skipped)} of {len(found.skipped) + len(found.x)} materials", file=sys.stderr)
 
 
-def _options(to: str, faces: int | None) -> dict[str, Any]:
+class Found(NamedTuple):
+    """Samples (N, ...), their domain, what a specular albedo means, and (name, reason) of each that was skipped."""
+
+    x: Any
+    domain: Domain
+    fresnel: str = "albedo"
+    skipped: tuple[tuple[str, str], ...] = ()
+
+
+def _found(source: Path, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
+    """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
+    from ..domains import BUILT_IN, domain_of_arrays
+    from ..training import load
+
+    if (source / "recipe.json").exists():
+        opened = load(source, trust=trust)
+        return Found(opened.sample(_some(n), seed), opened.domain)
+    names = _names(source) if source.suffix == ".npz" else ()
+    if source.suffix != ".npz" or "diffuse" in names:
+        maps, fresnel, skipped = read_maps(source, size)
+        return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
+    domain = domain_of_arrays(names)
+    return Found(_sampled_before(source, domain)[: _some(n)], domain)
+
+
+def _options(
+    domain: Domain, to: str, out: Path, faces: int | None, hull: bool, of_materials: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the options of an exporter.
+
+    Raises:
+        UserError: for a format that the domain does not have, or options that the format does not take.
+    """
+    from .. import export
+
+    if to not in domain.exporters:
+        known = ", ".join(domain.exporters)
+        raise UserError(
+            f"--to {to}: there is no such format for {domain.name}s; choose from {known}".replace("mapss", "maps")
+        )
     if faces is not None and (to not in ("glb", "obj", "ply") or faces < 4):
         raise UserError(f"--faces {faces} with --to {to}: it is a number of triangles, at least 4, for glb, obj or ply")
+    if hull and domain.name != "volume":
+        raise UserError(f"--hull: only volumes have a hull, and this holds {domain.name}; leave it out")
+    if to in export.MATERIAL_FORMATS:
+        if to == "gltf" and out.suffix not in ("", ".glb"):
+            raise UserError(f"--out {out}: give a name that ends in .glb, or a folder")
+        return of_materials
     options: dict[str, Any] = {} if faces is None else {"faces": faces}
     if to == "gif":
         from rich.progress import track
 
         options["track"] = lambda frames: track(frames, description="turntable")
     return options
-
-
-def _volumes(source: Path, n: int | None, seed: int, trust: bool) -> Any:
-    if source.suffix == ".npz":
-        return _sampled_before(source)[: _some(n)]
-    from ..training import load
-
-    return load(source, trust).generator.sample(_some(n), seed=seed)
-
-
-def _materials(source: Path, n: int | None, seed: int, trust: bool, size: int | None) -> Materials:
-    """Maps of a run, of an .npz, or of folders of textures."""
-    if not (source / "recipe.json").exists():
-        found = read_maps(source, size)
-        return found if n is None else found._replace(maps=found.maps[: _some(n)])
-    from ..ops.maps import kind_of
-
-    maps = _volumes(source, n, seed, trust)
-    if kind_of(maps) != "maps":
-        raise UserError(f"{source}: makes no materials; export shapes --to glb, obj, ply or vox, pictures --to png")
-    return Materials(maps, "albedo")
 
 
 def _some(n: int | None) -> int:
@@ -112,7 +134,18 @@ def _hull(volumes: Any) -> Any:
     return visual_hull(torch.as_tensor(volumes, dtype=torch.float32))
 
 
-def _sampled_before(path: Path) -> ndarray:
+def _names(path: Path) -> tuple[str, ...]:
+    """Return the names of the arrays of an .npz."""
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return tuple(name.removesuffix(".npy") for name in archive.namelist())
+    except (zipfile.BadZipFile, OSError) as error:
+        raise UserError(f"{path}: is no .npz: use a file that `unproject sample` wrote ({error})") from error
+
+
+def _sampled_before(path: Path, domain: Domain) -> Any:
     import zipfile
     import zlib
 
@@ -120,11 +153,9 @@ def _sampled_before(path: Path) -> ndarray:
 
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return arrays["image" if "image" in arrays else "volume"]
+            return domain.samples({name: arrays[name] for name in arrays.files})
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise UserError(
-            f"{path} holds no `volume` array: use a file that `unproject sample` wrote ({error})"
-        ) from error
+        raise UserError(f"{path}: {error}: use a file that `unproject sample` wrote") from error
 
 
 def _report(written: Written) -> None:

@@ -6,16 +6,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .._types import UserError
 from ._arguments import bind_recipe
 
 if TYPE_CHECKING:
-    from ..training import Origin, Recipe
+    from ..training import Recipe
 
 
 def run(
     recipe: Recipe,
-    origin: Origin,
     /,
     *,
     out: Path | None = None,
@@ -23,23 +21,22 @@ def run(
     threads: int | None = None,
     quiet: bool = False,
 ) -> None:
-    """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` goes on from there.
+    """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
 
     Args:
-        out: the run directory to make; runs/RECIPE-SEED unless given.
+        out: the run directory to make (default: runs/RECIPE-SEED).
         device: where to compute.
-        threads: processor threads; all cores unless given.
+        threads: processor threads (default: all cores).
         quiet: no progress bar.
     """
-    from ..training import Recipe, train
+    from ..training import train
     from ._machine import say, use_threads
 
     use_threads(threads)
-    if not isinstance(recipe, Recipe):
-        raise UserError(f"{origin.recipe} returned {type(recipe).__name__}; name a function that returns a Recipe")
-    out = out or Path("runs") / f"{origin.recipe.rpartition(':')[2]}-{recipe.seed}"
-    finished = train(recipe, out, origin=origin, device=device, quiet=quiet)
-    say(f"{out}: {finished.step} steps; next: unproject export {out} --to png --out {out / 'sheet.png'}")
+    name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
+    out = out or Path("runs") / f"{name}-{recipe.seed}"
+    finished = train(recipe, out, device=device, quiet=quiet)
+    say(f"{out}: {finished.step} steps; next: unproject export {out} --to png --out {out / 'samples.png'}")
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

@@ -1,9 +1,10 @@
-"""Generator: x = G(z), z ~ N(0, 1): the thing that nobody can measure, drawn from a code."""
+"""Generator: x = G(z), z ~ N(0, 1): a sample of what cannot be measured, from a code."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -15,7 +16,10 @@ from .blocks import SmoothUpsampling, upsampling_levels
 
 
 class Generator(nn.Module, ABC):
-    """A module that turns codes (B, code_size) into x, and that can draw its own codes.
+    """A module that turns codes (B, code_size) into samples x, and that draws its own codes.
+
+    Class attributes:
+        domain: what it makes: "volumes", "images" or "maps"; or nothing, if recipes say so (`Recipe(domain=...)`).
 
     Args:
         code_size: L, the length of a code.
@@ -23,6 +27,8 @@ class Generator(nn.Module, ABC):
         hull: sampled volumes are filled where no level view could tell (`ops.visual_hull`): level silhouettes
             bind a volume from outside only, and what they leave open is better solid than hollow.
     """
+
+    domain: ClassVar[str] = ""
 
     def __init__(self, code_size: int, truncation: float | None = None, hull: bool = False) -> None:
         super().__init__()
@@ -91,6 +97,8 @@ class VoxelGenerator(Generator):
         Li et al. 2019, supplemental, Part I and Fig. 1; Wu et al. 2016 (3D-GAN).
     """
 
+    domain = "volumes"
+
     def __init__(
         self,
         size: int = 64,
@@ -143,6 +151,8 @@ class ImageGenerator(Generator):
         Radford et al. 2016, Unsupervised representation learning with deep convolutional GANs.
     """
 
+    domain = "images"
+
     def __init__(
         self,
         size: int = 32,
@@ -177,6 +187,8 @@ class SmoothImageGenerator(Generator):
         size, outputs, bias: as in `ImageGenerator`.
         channels: of the 4² level.
     """
+
+    domain = "images"
 
     def __init__(
         self,
@@ -213,6 +225,8 @@ class LowRankGenerator(Generator):
     References:
         The plane-line factorisation is the VM decomposition of Chen et al. 2022 (TensoRF).
     """
+
+    domain = "volumes"
 
     def __init__(
         self,

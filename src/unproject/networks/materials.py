@@ -38,6 +38,8 @@ class MaterialGenerator(Generator):
         relief: whether the last branch draws a height, which has a scale factor too; else normals.
     """
 
+    domain = "maps"
+
     def __init__(self, code_size: int, vector: int | None = None, relief: bool = False) -> None:
         super().__init__(code_size)
         self.vector = vector or code_size

@@ -1,7 +1,8 @@
-"""From radiance to the values of a picture, as a camera's: gamma 2.2 and a clamp at 1."""
+"""From radiance to the values of a picture, as a camera's: gamma 2.2 and a clamp at 1; and back from sRGB."""
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
 
 GAMMA = 2.2
@@ -12,3 +13,8 @@ def develop(radiance: Tensor, gamma: float = GAMMA) -> Tensor:
     """min(L^(1/γ), 1); below 10⁻⁴ the chord from 0, because the root's slope is infinite there."""
     lit = radiance.clamp(min=TOE) ** (1 / gamma)
     return (lit * (radiance / TOE).clamp(0, 1)).clamp(max=1)
+
+
+def linear_from_srgb(v: Tensor) -> Tensor:
+    """IEC 61966-2-1: v/12.92 up to 0.04045, ((v + 0.055)/1.055)^2.4 above."""
+    return torch.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)

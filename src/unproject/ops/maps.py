@@ -7,7 +7,6 @@ Beckmann's distribution), unit normal n (3: x right, y up in the picture, z out 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import torch
 import torch.nn.functional as F
@@ -21,14 +20,6 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Of linear red, green and blue: ITU-R BT.709."""
 
 UNIT = 0.02  # how far from 1 the length of a normal may be: what 8 bits a component leave
-
-
-def kind_of(things: Tensor) -> Literal["image", "maps", "volume"]:
-    """What (N, …) things are: images (N, up to 4, H, W), maps (N, 8, H, W) or volumes (N, X, Y, Z)."""
-    if things.dim() == 4 and things.shape[1] <= 4:
-        return "image"
-    # A volume eight voxels wide is a cube; maps of 8 × 8 pixels nobody makes.
-    return "maps" if things.shape[1] == CHANNELS and things.shape[1:] != (CHANNELS,) * 3 else "volume"
 
 
 def luminance(colour: Tensor) -> Tensor:

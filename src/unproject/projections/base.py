@@ -10,7 +10,7 @@ from torch import Tensor
 
 
 class Projection(ABC):
-    """One way of turning what cannot be seen (x) into what can (y).
+    """A forward operator: maps what cannot be measured (x) to what can (y).
 
     A subclass defines `forward(self, x, *, latent, ...)`: x is a batch, every latent a (B,) tensor passed
     by keyword, the result a batch of the same length. It keeps no state, treats each batch element alone
@@ -26,20 +26,20 @@ class Projection(ABC):
 
     @abstractmethod
     def forward(self, x: Tensor, **latents: Tensor) -> Tensor:
-        """y = P(x, θ)."""
+        """Return y = P(x, θ)."""
 
     def __call__(self, x: Tensor, **latents: Any) -> Tensor:
         return self.forward(x, **latents)
 
     @property
     def latents(self) -> tuple[str, ...]:
-        """The names of the latent parameters: the keyword-only parameters of `forward`."""
+        """Names of the latent parameters: the keyword-only parameters of `forward`."""
         parameters = inspect.signature(type(self).forward).parameters.values()
         return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
 
 
 class Identity(Projection):
-    """y = x: direct supervision (3D-GAN, the "high-dimensional" GAN) is one look through nothing."""
+    """y = x: direct supervision (3D-GAN, the paper's "high-dimensional" GAN)."""
 
     linear = True
 

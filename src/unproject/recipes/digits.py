@@ -1,6 +1,6 @@
 """Images from line integrals: the recipe of the paper's Part III, and a modern one.
 
-The four arms of every comparison differ by `views` alone; `pairing` has the table.
+The arms of every comparison differ by `views` alone; `pairing` has the table.
 """
 
 from __future__ import annotations
@@ -9,24 +9,26 @@ import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
+from typing_extensions import Unpack
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.assignment import Predicted
 from ..adversarial.augmentation import Shift
-from ..adversarial.gaussian_start import GaussianStart
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..data import Collection, observe, read_images
+from ..assignment import GaussianInitialiser, Panel, Predicted
+from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
 from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
 from ..projections.line_integral import LineIntegral, directions
-from ..training.recipe import Adam, Looks, Recipe
-from .pairing import Views, little_and_often, modern_assignment, pair, paper_assignment
+from ..training import Adam, Options, Recipe, resumable
+from .pairing import Views, five_rounds, frequent_rounds, panel_of
 
 
+@resumable
 def digits(
     *,
     data: Path | None = None,
@@ -34,71 +36,62 @@ def digits(
     size: int = 32,
     bins: int = 10,
     spread: float = 2.5,
-    looks_per_image: int = 1,
-    steps: int | None = None,
-    minutes: float | None = None,
+    views_per_image: int = 1,
     seed: int = 0,
-    batch: int | None = None,
-    looks_each: int = 4,
     channels: int = 128,
     rate: float = 1e-3,
     gamma: float | None = None,
     shift: float = 0.0,
     rounds: int = 15,
     balance: float = 0.8,
-    checkpoint_every: int = 500,
+    **options: Unpack[Options],
 ) -> Recipe:
-    """Images from line integrals, made for a laptop: a DCGAN, a fully connected discriminator, lazy R1 + R2.
+    """Images from line integrals, for a laptop: a smooth generator, a fully connected discriminator, lazy R1 + R2.
 
     Args:
-        data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given. Their line
-            integrals are taken, and nothing else of them is used, except for direct training.
-        views: what is known of the directions: known, predicted (nothing, but estimated image by image), learned
-            (nothing, but how often each was taken is estimated), single (nothing, one discriminator head), or
-            direct (no projection: train on the images themselves).
+        data: a folder of pictures, an .npz or an idx file; only line integrals of them are used, except for direct
+            training (default: handwritten digits).
+        views: what is known of the directions: known, predicted (nothing; they are estimated image by image), learned
+            (nothing; only their distribution is estimated), single (nothing; one discriminator head), or direct (no
+            projection: train on the images themselves).
         size: pixels a side, and detectors.
         bins: directions, evenly over half a turn.
         spread: each direction is uniform within ± so many degrees.
-        looks_per_image: line integrals taken of each image.
-        steps: budget in steps; 6000 if neither steps nor minutes is given.
-        minutes: budget in minutes of the clock.
+        views_per_image: line integrals taken of each image.
         seed: of the weights, of every draw, and of the line integrals taken.
-        batch: looks an update; 128, or 64 images for direct training, unless given.
-        looks_each: line integrals an update of each generated image.
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
-        gamma: weight of R1 and R2, in units of the readings' deviation; 0.02, or 0.1 for direct training.
-        shift: shift all that the discriminator sees by up to so many pixels; for small collections (2).
+        gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.02; 0.1 for direct training).
+        shift: shift all that the discriminator sees by up to so many pixels; 2 for small collections.
         rounds: how often directions are predicted anew, evenly over the budget.
-        balance: how far predicted directions are drawn to equal numbers from everywhere, 0 to 1.
-        checkpoint_every: steps between checkpoints.
+        balance: how far the distribution of predicted directions is moved to the uniform one, 0 to 1.
+        options: fields of `Recipe`.
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
-    looks = look_through(data, views, size, bins, spread, looks_per_image, seed, whole=True)
+    predicted = initialised_rounds(rounds, balance, bins)
+    panel = line_panel(data, views, Scan(size, bins, spread, views_per_image), seed, predicted, whole=True)
     direct = views == "direct"
-    mean, deviation = readings(looks)
+    mean, deviation = readings(panel)
     gamma = (0.1 if direct else 0.02) if gamma is None else gamma
     return Recipe(
         generator=partial(SmoothImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=32, bottleneck=256)
         if direct
         else partial(LineDiscriminator, mean=mean, deviation=deviation),
-        looks=looks,
-        assignment=modern_assignment(views, from_a_guess(rounds, balance, bins)),
+        panels=[panel],
         loss=Relativistic(),
         penalty=R1R2(gamma * deviation**2, every=8),
         augmentation=Shift(shift) if shift else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
-        batch=batch or (64 if direct else 128),
-        looks_each=1 if direct else looks_each,
-        steps=6000 if steps is None and minutes is None else steps,
-        minutes=minutes,
+        batch=64 if direct else 128,
+        views_per_sample=1 if direct else 4,
+        steps=6000,
         seed=seed,
-        checkpoint_every=checkpoint_every,
-    )
+    ).configured(options)
 
 
+@resumable
 def digits_paper(
     *,
     data: Path | None = None,
@@ -106,100 +99,100 @@ def digits_paper(
     size: int = 32,
     bins: int = 10,
     spread: float = 2.5,
-    looks_per_image: int = 1,
-    steps: int | None = None,
-    minutes: float | None = None,
+    views_per_image: int = 1,
     seed: int = 0,
-    batch: int = 64,
     channels: int = 512,
-    judge: int = 64,
+    discriminator_channels: int = 64,
     clusters: int | None = None,
     predictor_steps: int = 100_000,
     predictor_images: int = 65_536,
-    checkpoint_every: int = 500,
+    **options: Unpack[Options],
 ) -> Recipe:
     """Images from line integrals with the choices of the paper's Part I: spectral norm, WGAN-GP, five rounds.
 
     The paper names no networks for Part III; these are those of its shapes, one dimension lower.
 
     Args:
-        data: a folder of pictures, an .npz or an idx file; real handwritten digits unless given.
+        data: a folder of pictures, an .npz or an idx file (default: handwritten digits).
         views: known, predicted, learned, single or direct, as in `digits`.
         size: pixels a side, and detectors.
         bins: directions, evenly over half a turn.
         spread: each direction is uniform within ± so many degrees.
-        looks_per_image: line integrals taken of each image.
-        steps: budget in generator steps; 100000 if neither steps nor minutes is given.
-        minutes: budget in minutes of the clock.
+        views_per_image: line integrals taken of each image.
         seed: of the weights, of every draw, and of the line integrals taken.
-        batch: line integrals an update.
         channels: of the generator's 4² level.
-        judge: channels of the discriminator's first level.
-        clusters: discriminator heads by k-means of the predicted directions.
+        discriminator_channels: of the discriminator's first level.
+        clusters: discriminator heads by k-means of the predicted directions (default: one head a direction).
         predictor_steps: of the view predictor, in each of four rounds.
-        predictor_images: line integrals of generated images that it is trained with, each round.
-        checkpoint_every: steps between checkpoints.
+        predictor_images: line integrals of generated images that it is fitted to, each round.
+        options: fields of `Recipe`.
     """
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
+    predicted = five_rounds(predictor_steps, predictor_images, clusters)
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
-        discriminator=partial(Discriminator, channels=judge, spectral=True, slope=0.1),
-        looks=look_through(data, views, size, bins, spread, looks_per_image, seed),
-        assignment=paper_assignment(views, predictor_steps, clusters, images=predictor_images),
+        discriminator=partial(Discriminator, channels=discriminator_channels, spectral=True, slope=0.1),
+        panels=[line_panel(data, views, Scan(size, bins, spread, views_per_image), seed, predicted)],
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         discriminator_steps=2,
-        batch=batch,
-        steps=100_000 if steps is None and minutes is None else steps,
-        minutes=minutes,
+        batch=64,
+        steps=100_000,
         seed=seed,
-        checkpoint_every=checkpoint_every,
+    ).configured(options)
+
+
+def initialised_rounds(rounds: int, balance: float, bins: int) -> Predicted:
+    """Return rounds for lines measured within some half turn of `bins` directions, initialised by a Gaussian.
+
+    Rounds are fewer and longer than for silhouettes: a short round does not bring images together again that are turned
+    against one another, and a predictor that is fitted in haste loses what the initial directions had right.
+    """
+    often = frequent_rounds(rounds, balance, start=0.15)
+    return replace(
+        often,
+        fit=replace(often.fit, images=8192, steps=150),
+        estimator=replace(often.estimator, window=bins),
+        initialiser=GaussianInitialiser(),
     )
 
 
-def from_a_guess(rounds: int, balance: float, bins: int) -> Predicted:
-    """Directions of lines somewhere in half a turn of `bins`: from the Gaussian's guess, in fewer and longer rounds.
+class Scan(NamedTuple):
+    """How line integrals are taken: pixels a side, directions, ± degrees within each, and lines an image."""
 
-    Nothing in a short round brings images that are turned against one another together again, and a predictor that is
-    trained in haste loses what the guess had right.
+    size: int
+    bins: int
+    spread: float
+    views_per_image: int
+
+
+def line_panel(
+    data: Path | None, views: Views, scan: Scan, seed: int, predicted: Predicted, whole: bool = False
+) -> Panel:
+    """Return the panel of line integrals of the images of `data`, or of the lines that it holds.
+
+    With `whole`, unknown directions may lie anywhere around. If they were confined to one half of a turn, images that
+    are turned would need lines read from the other end, and could never come right.
     """
-    often = little_and_often(rounds, balance, start=0.15)
-    return replace(often, images=8192, steps=150, window=bins, first=GaussianStart())
-
-
-def look_through(
-    data: Path | None,
-    views: Views,
-    size: int,
-    bins: int,
-    spread: float,
-    looks_per_image: int,
-    seed: int,
-    whole: bool = False,
-) -> Looks:
-    """Pair directions, in degrees, with the line integrals of the images of `data`, or those that it holds.
-
-    With `whole`, unknown directions may lie anywhere around. Where they are confined to one half of a turn, images
-    that are turned ask for lines read from the other end, and what was learned turned never comes right.
-    """
-    found = Collection(embedded_digits(size)) if data is None else read_images(data, size)
+    found = Collection(embedded_digits(scan.size)) if data is None else read(data, scan.size, pictures="images")
+    if found.shape[0] != 1:
+        raise UserError(f"{data}: holds volumes; images are learned from pictures or line integrals")
     measured = found.items.dim() == 3
-    line_integral = LineIntegral(found.items.shape[2] if measured else size)
-    ways = directions(bins, math.radians(spread), line_integral)
+    line_integral = LineIntegral(found.items.shape[2] if measured else scan.size)
+    observations = directions(scan.bins, math.radians(scan.spread), line_integral)
     if views == "direct" and measured:
         raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
     if views != "direct" and not measured:
         where = derived_seed(seed, 0, "line integrals")
-        found = observe(found, ways, looks_per_image, where, chunk=4096)
+        found = observe(found, observations, scan.views_per_image, where, chunk=4096)
     if whole and views in ("predicted", "learned"):
-        ways = directions(bins, math.radians(spread), line_integral, whole=True)
-    return pair(views, ways, found)
+        observations = directions(scan.bins, math.radians(scan.spread), line_integral, whole=True)
+    return panel_of(views, observations, found, predicted)
 
 
-def readings(looks: Looks) -> tuple[float, float]:
-    """Mean and deviation of what was seen, to three digits: the last ones depend on the number of threads."""
-    collections = {id(collection): collection.items for _, collection in looks}
-    seen = torch.cat([items.flatten() for items in collections.values()])
-    return float(f"{seen.mean():.3g}"), float(f"{seen.std().clamp_min(1e-6):.3g}")
+def readings(panel: Panel) -> tuple[float, float]:
+    """Return mean and deviation of a panel's images, to three digits: the last ones depend on the number of threads."""
+    values = torch.cat([collection.floats().flatten() for collection in panel.collections])
+    return float(f"{values.mean():.3g}"), float(f"{values.std().clamp_min(1e-6):.3g}")

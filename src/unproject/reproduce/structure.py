@@ -1,4 +1,4 @@
-"""Networks as they are built, the paper's Figs. 1 and 6: each layer, what comes out of it, how much it learns."""
+"""List the networks of the paper's Figs. 1 and 6 as built here: layers, output shapes, numbers of parameters."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ from torch import Tensor, nn
 from torch.nn.utils.parametrize import is_parametrized
 
 from .._random import generator_at
-from ..adversarial.assignment import Predicted
+from ..assignment import Predicted
 from ..recipes import find
-from ..training.panel import build_panels
-from ..training.recipe import Recipe
+from ..training import Recipe
 
 STRUCTURES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
-    "fig1": ("shapes-paper", {"looks_per_shape": 1}),
+    "fig1": ("shapes-paper", {"views_per_shape": 1}),
     "fig6": ("wood-paper", {"maps": 2, "renderings": 2}),
 }
-"""Figure → recipe and flags; these only make its collections small."""
+"""Figure → recipe, and flags that only make its collections small."""
 
 
 def structure(figure: str) -> str:
-    """The networks of a figure's recipe, as text."""
+    """Return the networks of a figure's recipe as text."""
     name, flags = STRUCTURES[figure]
     recipe = find(name)(**flags)
     parts = [f"{figure.replace('fig', 'Fig. ')}: networks of the recipe {name}, as built, for one item."]
@@ -31,33 +30,35 @@ def structure(figure: str) -> str:
 
 
 def tables(recipe: Recipe) -> dict[str, str]:
-    """Network → its layers, one a line."""
+    """Return network → its layers, one a line."""
     generator = recipe.generator().eval()
     found = {"generator": layers(generator, lambda: generator(generator.draw(2, generator_at(0))))}
-    for panel in build_panels(recipe):
+    for panel in recipe.panels:
         name = f"discriminator of {', '.join(dict.fromkeys(_kind(o.name) for o in panel.observations))}"
-        heads = f", {len(panel.observations)} heads" if len(panel.observations) > 1 else ""
+        count = panel.assignment.heads(panel)
         images, head = torch.zeros(2, *panel.shape), torch.zeros(2, dtype=torch.long)
-        found[name + heads] = layers(panel.discriminator.eval(), lambda d=panel.discriminator: d(images, head))  # noqa: B023
-        if isinstance(recipe.assignment, Predicted):
-            predictor = recipe.assignment.predictor(panel.shape, len(panel.observations)).eval()
+        discriminator = recipe.discriminator(panel.shape, count).eval()
+        heads = f", {count} heads" if count > 1 else ""
+        found[name + heads] = layers(discriminator, lambda d=discriminator: d(images, head))  # noqa: B023
+        if isinstance(panel.assignment, Predicted):
+            predictor = panel.assignment.fit.network(panel.shape, len(panel.observations)).eval()
             found["view predictor"] = layers(predictor, lambda: predictor(images))  # noqa: B023
     return found
 
 
 def _kind(observation: str) -> str:
-    """`azimuth 3` and its like are one kind."""
+    """Return the name without its number: azimuth-03 becomes azimuth."""
     return observation.rstrip("0123456789.°-– ") or observation
 
 
 def _is_layer(name: str, module: nn.Module) -> bool:
-    """Whether it has no parts; what computes a normed weight is part of the layer that has the weight."""
+    """Return whether the module has no submodules; a parametrization belongs to the layer whose weight it norms."""
     return "parametrizations" not in name and all(part == "parametrizations" for part, _ in module.named_children())
 
 
 @torch.no_grad()
 def layers(network: nn.Module, run: Callable[[], Tensor]) -> str:
-    """Every layer without parts of its own, in the order in which it is used; "x 16 heads" aside, once each."""
+    """Return a table of all layers without submodules, in the order of their use."""
     rows: list[tuple[str, str, str, str]] = []
 
     def note(name: str) -> Callable[[nn.Module, Any, Any], None]:

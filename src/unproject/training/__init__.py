@@ -1,7 +1,8 @@
 """Training: recipes, the loop, run directories."""
 
 from .loop import resume, train
-from .recipe import Adam, Recipe
-from .run_directory import Origin, Run, load
+from .origin import make, rebuild, resumable
+from .recipe import Adam, Options, Origin, Recipe
+from .run import Run, load
 
-__all__ = ["Adam", "Origin", "Recipe", "Run", "load", "resume", "train"]
+__all__ = ["Adam", "Options", "Origin", "Recipe", "Run", "load", "make", "rebuild", "resumable", "resume", "train"]

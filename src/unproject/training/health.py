@@ -1,4 +1,4 @@
-"""Health: notices that a run has gone wrong before it wastes the rest of its budget."""
+"""Health: detects divergence and collapse before a run spends the rest of its budget."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from torch import Tensor
 from .._types import UserError
 
 EVERY = 20
-"""Steps between looks: reading a number back stalls a GPU."""
+"""Steps between checks: reading a number back stalls a GPU."""
 WARM_UP = 300
-DULL = 0.02
+COLLAPSED = 0.02
 PATIENCE = 5
 
 
@@ -21,32 +21,32 @@ class Diverged(UserError):
 
 
 def diversity(real: Tensor, fake: Tensor) -> float:
-    """The standard deviation over the batch, averaged over pixels, of generated as a share of real images."""
+    """Return the standard deviation over the batch, averaged over pixels, of generated over that of real images."""
     return float(fake.std(0).mean() / real.std(0).mean().clamp_min(1e-9))
 
 
-def check(step: int, losses: dict[str, float], ratio: float, dull: int) -> int:
-    """Raise Diverged, or return how many looks in a row found the generated images all alike.
+def check(step: int, losses: dict[str, float], ratio: float, collapsed: int) -> int:
+    """Raise Diverged, or return how many checks in a row found the generated images all alike.
 
-    A batch is dull when its diversity, `ratio`, is less than 2 % of the real one's. Five dull looks in a row,
-    after the first 300 steps, are a collapse.
+    A batch counts as collapsed when its diversity, `ratio`, is less than 2 % of the real one's. Five checks in a row,
+    after the first 300 steps, raise.
     """
     for name, value in losses.items():
         if not math.isfinite(value):
             raise Diverged(f"training broke down at step {step}: {name} is {value}; lower the learning rate")
-    dull = dull + 1 if ratio < DULL and step > WARM_UP else 0
-    if dull >= PATIENCE:
+    collapsed = collapsed + 1 if ratio < COLLAPSED and step > WARM_UP else 0
+    if collapsed >= PATIENCE:
         raise Diverged(
             f"training collapsed at step {step}: everything generated looks the same "
             f"(diversity {ratio:.1%} of the real images'); lower the learning rate or raise the penalty"
         )
-    return dull
+    return collapsed
 
 
 def check_finite(step: int, tensors: Mapping[str, Tensor], agree: Callable[[bool], bool]) -> None:
     """Raise Diverged, in all processes that `agree`, if a number of the state is not finite.
 
-    Losses are looked at now and then only; what is kept to go back to must be good.
+    Losses are checked now and then only; a checkpoint to roll back to must be good.
     """
     bad = next((name for name, v in tensors.items() if v.is_floating_point() and not v.isfinite().all()), "")
     if agree(bool(bad)):

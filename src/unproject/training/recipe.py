@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
-import inspect
+import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import partial
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypedDict
 
-import torch
 from torch import Tensor, nn
+from typing_extensions import Self
 
 from .._types import UserError
-from ..adversarial.assignment import Known, Predicted
 from ..adversarial.augmentation import Augmentation
-from ..adversarial.learned_prior import LearnedPrior
 from ..adversarial.losses import Loss, Relativistic
 from ..adversarial.penalties import R1R2, Penalty
-from ..data import Collection
+from ..assignment import Panel
+from ..domains import Domain
 from ..networks import Discriminator, Generator
-from ..projections.observation import Observation
-
-Looks = Sequence[tuple[Observation, Collection]]
 
 
 @dataclass(frozen=True)
 class Adam:
-    """Adam(β1, β2); the learning rate goes from `rate` to `final` (if given) along a cosine over the budget."""
+    """Adam(β1, β2); the learning rate falls from `rate` to `final` along a cosine (default: it stays)."""
 
     rate: float = 1e-3
     beta1: float = 0.0
@@ -37,38 +30,78 @@ class Adam:
     final: float | None = None
 
     def rate_at(self, progress: float) -> float:
+        """Return the learning rate when `progress`, 0 to 1, of the budget is spent."""
         if self.final is None:
             return self.rate
         return self.final + (self.rate - self.final) * (1 + math.cos(math.pi * min(progress, 1.0))) / 2
 
 
 @dataclass(frozen=True)
+class Origin:
+    """How a recipe was made: a recipe function and the arguments that it was called with.
+
+    Attributes:
+        recipe: the name of a built-in recipe, `module:function` or `path/to/file.py:function`.
+        function: `module:function`, or the same path, to find it by.
+        arguments: JSON values.
+    """
+
+    recipe: str
+    function: str
+    arguments: dict[str, Any]
+
+
+class Options(TypedDict, total=False):
+    """Fields of `Recipe` that every recipe function takes as further keywords, and `unproject train` as flags."""
+
+    steps: int | None
+    minutes: float | None
+    batch: int
+    views_per_sample: int
+    discriminator_steps: int
+    balance_every: int
+    ema_half_life: float
+    precision: Literal["float32", "bfloat16"]
+    compile: bool
+    checkpoint_every: int
+
+
+@dataclass(frozen=True)
 class Recipe:
-    """What is learned (`generator`), from what (`looks`), and how. Derive one from another with `replace`.
+    """What is learned (`generator`), from which projections (`panels`), and how.
 
     Args:
         generator: builds the generator; `functools.partial(LowRankGenerator, size=32)`.
-        looks: pairs of an observation and the collection of what it saw. With `Predicted` or `LearnedPrior`,
-            every observation stands beside the same collection. The `Identity` projection is direct training.
+        panels: observations and their data, a discriminator each. The `Identity` projection is direct training.
+        domain: what the generator makes (default: the domain that the generator's class names).
         discriminator: (shape of one image, number of heads) → discriminator.
-        augmentation: of all that discriminators see, real and generated; for small collections.
-        regulariser: a term of the generator's loss, a function of x itself and of the part of the budget spent.
+        loss: the adversarial loss.
+        penalty: the gradient penalty of the discriminators (None: no penalty).
+        augmentation: of all images that discriminators see, real and generated; for small collections.
+        generator_optimiser: Adam's settings for the generator.
+        discriminator_optimiser: Adam's settings for the discriminators.
+        regulariser: (x, progress) → a term of the generator's loss.
         discriminator_steps: discriminator updates a generator update.
         batch: images an update.
-        looks_each: how often each generated thing is looked at in an update, which needs batch / looks_each things.
-        balance: every so many steps, measure how hard each panel pulls at the generator (the norm of the gradient of
-            its loss), and let its loss count divided by that, times its weight: else what varies least, and is
-            magnified most, outvoices the rest. 0 takes losses as they are.
-        half_life: of the averaged weights, in steps.
-        steps, minutes: the budget; the run ends when either is spent. Give at least one.
-        precision: "bfloat16" runs the networks under autocast.
-        compile: run the networks through `torch.compile`.
+        views_per_sample: projections of each generated sample in an update, which takes batch / views_per_sample
+            samples.
+        balance_every: steps between two measurements of the norm of the gradient of each panel's loss by the generator;
+            each loss is divided by its norm, so that panels contribute as their weights say (0: losses as they are).
+        ema_half_life: half-life of the exponential moving average of the generator's weights, in steps (0: none).
+        steps: budget in steps. The run ends when either budget is spent.
+        minutes: budget in minutes of the clock.
+        seed: of the weights and of every draw.
+        precision: bfloat16 runs the networks under autocast.
+        compile: compile the generator with torch.compile.
         checkpoint_every: steps between checkpoints (and sample pictures).
+
+    Raises:
+        UserError: for no panel, no budget, or a number out of range.
     """
 
     generator: Callable[[], Generator]
-    looks: Looks
-    assignment: Known | Predicted | LearnedPrior = field(default_factory=Known)
+    panels: Sequence[Panel]
+    domain: Domain | None = None
     discriminator: Callable[[tuple[int, ...], int], nn.Module] = Discriminator
     loss: Loss = field(default_factory=Relativistic)
     penalty: Penalty | None = field(default_factory=R1R2)
@@ -78,26 +111,30 @@ class Recipe:
     regulariser: Callable[[Tensor, float], Tensor] | None = None
     discriminator_steps: int = 1
     batch: int = 64
-    looks_each: int = 1
-    balance: int = 0
-    half_life: float = 300.0
+    views_per_sample: int = 1
+    balance_every: int = 0
+    ema_half_life: float = 300.0
     steps: int | None = None
     minutes: float | None = None
     seed: int = 0
     precision: Literal["float32", "bfloat16"] = "float32"
     compile: bool = False
     checkpoint_every: int = 500
+    origin: Origin | None = field(default=None, compare=False, repr=False, metadata={"described": False})
 
     def __post_init__(self) -> None:
-        if not self.looks:
-            raise UserError("the recipe has no looks: give at least one (observation, collection)")
-        for name in ("batch", "looks_each", "discriminator_steps", "checkpoint_every"):
+        object.__setattr__(self, "panels", tuple(self.panels))
+        if not self.panels:
+            raise UserError("the recipe has no panels: give at least one Panel(observations, data)")
+        for name in ("batch", "views_per_sample", "discriminator_steps", "checkpoint_every"):
             if getattr(self, name) < 1:
                 raise UserError(f"{name}={getattr(self, name)}: must be at least 1")
-        if self.balance < 0:
-            raise UserError(f"balance={self.balance}: give steps between two measurements, or 0 for none")
-        if self.batch % self.looks_each:
-            raise UserError(f"batch={self.batch}: must be a multiple of looks_each={self.looks_each}")
+        if self.balance_every < 0:
+            raise UserError(f"balance_every={self.balance_every}: give steps between two measurements, or 0 for none")
+        if not 0 <= self.ema_half_life < math.inf:
+            raise UserError(f"ema_half_life={self.ema_half_life}: give steps, or 0 for no average")
+        if self.batch % self.views_per_sample:
+            raise UserError(f"batch={self.batch}: must be a multiple of views_per_sample={self.views_per_sample}")
         for name in ("steps", "minutes"):
             value = getattr(self, name)
             if value is not None and not (value > 0 and math.isfinite(value)):
@@ -106,51 +143,26 @@ class Recipe:
             raise UserError("the recipe has no budget: give steps or minutes")
 
     def progress(self, step: int, seconds: float) -> float:
-        """The part of the budget that is spent, 0 to 1."""
+        """Return the part of the budget that is spent, 0 to 1."""
         by_step = step / self.steps if self.steps else 0.0
         by_time = seconds / (60 * self.minutes) if self.minutes else 0.0
         return max(by_step, by_time)
 
-    replace = replace
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed."""
+        if "origin" not in changes:
+            changes["origin"] = self._origin_after(changes)
+        return dataclasses.replace(self, **changes)
 
+    def _origin_after(self, changes: dict[str, Any]) -> Origin | None:
+        """Return how the changed recipe could be made: only options can be given to a recipe function again."""
+        if self.origin is None or not changes.keys() <= Options.__annotations__.keys():
+            return None
+        budget = {"steps": self.steps, "minutes": self.minutes} if {"steps", "minutes"} & changes.keys() else {}
+        return dataclasses.replace(self.origin, arguments={**self.origin.arguments, **budget, **changes})
 
-def describe(value: Any) -> Any:
-    """A JSON description of a recipe or of any part: what recipe.json holds, and what a resumed run must match."""
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else str(value)
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, Collection):
-        # Not its source: the same data may be reached by another path.
-        return {"collection": list(value.items.shape), "sha256": fingerprint(value.items)}
-    if isinstance(value, Tensor):
-        return {"tensor": list(value.shape), "sha256": fingerprint(value)}
-    if isinstance(value, partial):
-        return {
-            "call": full_name(value.func),
-            "arguments": describe(value.keywords),
-            "positional": describe(value.args),
-        }
-    if is_dataclass(value) and not isinstance(value, type):
-        return {"type": full_name(type(value)), **{f.name: describe(getattr(value, f.name)) for f in fields(value)}}
-    if isinstance(value, Mapping):
-        return {str(key): describe(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [describe(part) for part in value]
-    if inspect.isroutine(value) or isinstance(value, type):
-        return {"call": full_name(value), "arguments": {}, "positional": []}
-    return {"type": full_name(type(value)), **describe(vars(value))}
-
-
-def full_name(value: Any) -> str:
-    """`module:qualified.name` of a function or class."""
-    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
-    return f"{module}:{name}" if module and name else f"{type(value).__module__}:{type(value).__qualname__}"
-
-
-def fingerprint(tensor: Tensor) -> str:
-    """The SHA-256 of a tensor's values, shortened to 16 digits."""
-    data = tensor.detach().cpu().contiguous().reshape(-1)
-    return hashlib.sha256(data.view(torch.uint8).numpy().tobytes()).hexdigest()[:16]
+    def configured(self, options: Options) -> Self:
+        """Return a copy with these options; a budget that is given takes the place of the recipe's own."""
+        given = {name: value for name, value in options.items() if name not in ("steps", "minutes")}
+        budget = {name: options.get(name) for name in ("steps", "minutes")}
+        return self.replace(**given, **(budget if any(v is not None for v in budget.values()) else {}))

@@ -17,9 +17,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict
 from datetime import datetime, timezone
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -31,23 +31,13 @@ except ImportError:  # Windows
     fcntl = None
 
 from .._files import atomic_path
-from .._objects import find_object
 from .._types import UserError
-from ..networks import Generator
-from . import checkpoint
-from .recipe import Recipe, describe
+from .description import describe
+from .recipe import Origin, Recipe
 
 BUDGET = ("steps", "minutes")
 HARMLESS = (*BUDGET, "checkpoint_every")
 """Fields that may differ between a run and its continuation."""
-
-
-@dataclass(frozen=True)
-class Origin:
-    """How a recipe was made: a recipe's name (or `module:function`) and its JSON arguments."""
-
-    recipe: str
-    arguments: dict[str, Any]
 
 
 def check_free(path: Path) -> None:
@@ -60,16 +50,13 @@ def check_free(path: Path) -> None:
         raise UserError(f"{path}: is a file; choose another --out")
 
 
-def create(path: Path, recipe: Recipe, origin: Origin | None) -> None:
+def create(path: Path, recipe: Recipe) -> None:
     """Lay out a new run directory."""
     for folder in ("checkpoints", "samples"):
         (path / folder).mkdir(parents=True, exist_ok=True)
-    origin = origin or Origin("", {})
+    origin = recipe.origin or Origin("", "", {})
     write_json(path / "environment.json", environment())
-    write_json(
-        path / "recipe.json",
-        {"recipe": origin.recipe, "arguments": origin.arguments, "resolved": describe(recipe)},
-    )
+    write_json(path / "recipe.json", {**asdict(origin), "resolved": describe(recipe)})
 
 
 @contextmanager
@@ -131,9 +118,18 @@ def read_recipe(path: Path) -> dict[str, Any]:
         for name, kind in (("recipe", str), ("arguments", dict), ("resolved", dict)):
             if not isinstance(content[name], kind):
                 raise TypeError(f"its {name!r} is no {kind.__name__}")
-        return {name: content[name] for name in ("recipe", "arguments", "resolved")}
+        return {name: content[name] for name in ("recipe", "arguments", "resolved")} | {
+            "function": str(content.get("function", ""))
+        }
     except (ValueError, KeyError, TypeError) as error:
         raise UserError(f"{file}: damaged ({error}); restore it from a copy, or train again") from error
+
+
+def read_origin(path: Path) -> Origin | None:
+    """Return how the run's recipe was made, or None if no recipe function made it."""
+    stored = read_recipe(path)
+    origin = Origin(stored["recipe"], stored["function"], stored["arguments"])
+    return origin if origin.function else None
 
 
 def check_same(path: Path, recipe: Recipe) -> None:
@@ -149,7 +145,7 @@ def check_same(path: Path, recipe: Recipe) -> None:
 
 def environment() -> dict[str, Any]:
     """Versions, machine and command: what a reader needs to judge or repeat the run."""
-    packages = ("unproject", "torch", "numpy", "safetensors", "lightning-fabric")
+    packages = ("unproject", "torch", "numpy", "safetensors")
     return {
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
         "started": datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -185,61 +181,3 @@ def _commit() -> str | None:
         ["git", "-C", str(here), "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
     )
     return answer.stdout.strip() or None
-
-
-@dataclass(frozen=True)
-class Run:
-    """A run on disk: its path and its generator with the averaged weights."""
-
-    path: Path
-    generator: Generator
-    step: int
-
-    @property
-    def recipe(self) -> dict[str, Any]:
-        """What recipe.json says."""
-        return read_recipe(self.path)
-
-
-def load(path: str | Path, trust: bool = False) -> Run:
-    """Open a run for sampling: the averaged weights of its newest checkpoint. The training data is not needed.
-
-    The generator's class is named in recipe.json. Classes of this package are built at once; a class from
-    elsewhere would run its module's code, so it is imported only with `trust=True`.
-
-    Raises:
-        UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
-    """
-    path = Path(path)
-    stored = read_recipe(path)
-    if trust and ":" in stored["recipe"]:
-        find_object(stored["recipe"])  # its file is no module that could be imported by name
-    generator = _build_generator(path, stored["resolved"].get("generator"), trust)
-    newest = checkpoint.newest(path / "checkpoints")
-    tensors = checkpoint.load(newest, "average/")
-    try:
-        generator.load_state_dict({name.removeprefix("average/"): v for name, v in tensors.items()})
-    except RuntimeError as error:
-        raise UserError(f"{newest}: the weights do not fit recipe.json; they belong to another run") from error
-    return Run(path, generator.eval(), int(newest.stem.removeprefix("step-")))
-
-
-def _build_generator(path: Path, described: Any, trust: bool) -> Generator:
-    try:
-        where, positional, arguments = str(described["call"]), described["positional"], described["arguments"]
-    except (TypeError, KeyError) as error:
-        raise UserError(f"{path}: recipe.json does not say how to build the generator; restore the file") from error
-    module, _, name = where.partition(":")
-    if not trust and module.partition(".")[0] != "unproject":
-        raise UserError(f"{path}: its generator is {where}, code outside unproject; add --trust if you wrote it")
-    try:
-        build: Any = import_module(module)
-        for part in name.split("."):
-            build = getattr(build, part)
-        if trust or (isinstance(build, type) and issubclass(build, Generator)):
-            return build(*positional, **arguments)
-    except Exception as error:  # a network refuses wrong arguments with whatever kind of error it runs into
-        raise UserError(
-            f"{path}: the generator of recipe.json cannot be built ({type(error).__name__}: {error}); restore the file"
-        ) from error
-    raise UserError(f"{path}: recipe.json names {where}, which is no generator; restore the file")

@@ -10,12 +10,12 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Adam as TorchAdam
 
-from .._random import seeded
+from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
-from ..adversarial.assignment import Predicted, predictor_optimiser
-from ..adversarial.learned_prior import LearnedPrior
+from ..assignment import AssignmentState, Panel
+from ..data.sampling import batch_rows
+from ..domains import Domain, domain_of
 from ..networks import Generator
-from .panel import build_panels
 from .recipe import Adam, Recipe
 
 
@@ -23,84 +23,74 @@ from .recipe import Adam, Recipe
 class Counters:
     """The numbers of a state.
 
-    `round` is the rounds of assignment done, `fitting` the one whose predictor is being fitted, or 0, and `fitted` the
-    steps of that; `rescues` the returns to a checkpoint, `lines` those of stats.jsonl.
+    `rollbacks` counts returns to a checkpoint, `collapsed` the checks in a row that found all samples alike, `lines`
+    the lines of stats.jsonl; `rate_scale` is a factor of all learning rates.
     """
 
     step: int = 0
-    round: int = 0
-    fitting: int = 0
-    fitted: int = 0
-    rescues: int = 0
-    dull: int = 0
+    rollbacks: int = 0
+    collapsed: int = 0
     lines: int = 0
     seconds: float = 0.0
     rate_scale: float = 1.0
+
+
+@dataclass
+class PanelState:
+    """A panel in training: its discriminator, its assignment, and the norm of its loss's gradient (see `balancing`)."""
+
+    panel: Panel
+    discriminator: nn.Module
+    assignment: AssignmentState
+    gradient_norm: float = 1.0
+
+    def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
+        """Return the rows of the `draw`-th batch of real images."""
+        return batch_rows(len(self.panel), batch, seed, draw, rank, world)
 
 
 class State:
     """Networks, averaged weights, optimisers, assignments and counters of a run."""
 
     def __init__(self, recipe: Recipe, device: torch.device) -> None:
+        self.recipe, self.device = recipe, device
         self.counters = Counters()
-        self.device = device
         with seeded(recipe.seed, "weights"):
-            self.generator = recipe.generator().to(device)
-            self.panels = build_panels(recipe)
-            self.predictor = self._new_predictor(recipe)
-        self.predictor_optimiser: TorchAdam | None = None  # while a predictor is being fitted
-        self.assignment = recipe.assignment
-        for panel in self.panels:
-            panel.discriminator.to(device)
+            self._build_networks(recipe)
+            assignments = begin_assignments(recipe)
+        self.panels = [
+            PanelState(panel, discriminator, assignment.to(device))
+            for panel, discriminator, assignment in zip(recipe.panels, self.discriminators, assignments, strict=True)
+        ]
+        self.domain: Domain = domain_of(self.generator, recipe.domain)
+
+    def _build_networks(self, recipe: Recipe) -> None:
+        """Build generator and discriminators with new weights and optimisers."""
+        self.generator = recipe.generator().to(self.device)
+        heads = [panel.assignment.heads(panel) for panel in recipe.panels]
+        built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
+        self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
-        self.discriminators = nn.ModuleList([panel.discriminator for panel in self.panels])
         self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
-        self.way_distribution = self.panels[0].distribution
-        self.way_optimiser: TorchAdam | None = None
-        if isinstance(recipe.assignment, LearnedPrior) and self.way_distribution is not None:
-            self.way_distribution.to(device)
-            self.way_optimiser = TorchAdam(self.way_distribution.parameters(), recipe.assignment.rate, (0.5, 0.99))
 
-    def _new_predictor(self, recipe: Recipe) -> nn.Module | None:
-        if not isinstance(recipe.assignment, Predicted):
-            return None
-        panel = self.panels[0]
-        return recipe.assignment.predictor(panel.shape, len(panel.observations)).to(self.device)
-
-    def begin_fit(self, recipe: Recipe, round_: int) -> None:
-        """Begin to fit the predictor of a round; with new weights, if each round trains it from scratch."""
-        if isinstance(recipe.assignment, Predicted) and recipe.assignment.fresh:
-            with seeded(recipe.seed, f"predictor/{round_}"):
-                self.predictor = self._new_predictor(recipe)
-        self.counters.fitting, self.counters.fitted = round_, 0
-        self._renew_predictor_optimiser()
-
-    def end_fit(self) -> None:
-        self.counters.round, self.counters.fitting, self.counters.fitted = self.counters.fitting, 0, 0
-        self.predictor_optimiser = None
-
-    def _renew_predictor_optimiser(self) -> None:
-        self.predictor_optimiser = None
-        if isinstance(self.assignment, Predicted) and self.predictor is not None and self.counters.fitting:
-            self.predictor_optimiser = predictor_optimiser(self.predictor, self.assignment)
-
-    def restart(self, recipe: Recipe) -> None:
-        """Fresh generator and discriminators, as the released code does for round 1; assignments are kept."""
-        fresh = State(recipe.replace(seed=recipe.seed + 1), self.device)
-        self.generator, self.average = fresh.generator, fresh.average
-        for panel, new in zip(self.panels, fresh.panels, strict=True):
-            panel.discriminator = new.discriminator
-        self.discriminators = fresh.discriminators
-        self.generator_optimiser = fresh.generator_optimiser
-        self.discriminator_optimiser = fresh.discriminator_optimiser
+    def restart(self) -> None:
+        """Give generator and discriminators new weights, as the released code does after round 1."""
+        with seeded(self.recipe.seed + 1, "weights"):
+            self._build_networks(self.recipe)
+        for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
+            panel.discriminator = discriminator
 
     def update_average(self, half_life: float) -> None:
-        """Move the averaged weights towards the generator's; early on the half-life is a tenth of the step."""
+        """Move the averaged weights towards the generator's.
+
+        Early on the half-life is a tenth of the step; a half-life of 0 copies the weights.
+        """
         half_life = min(half_life, max(self.counters.step / 10, 1.0))
+        rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
             for mean, new in zip(self.average.parameters(), self.generator.parameters(), strict=True):
-                mean.lerp_(new, 1 - 0.5 ** (1 / half_life))
+                mean.lerp_(new, rate)
             for mean, new in zip(self.average.buffers(), self.generator.buffers(), strict=True):
                 mean.copy_(new)
 
@@ -108,19 +98,23 @@ class State:
         yield "generator", self.generator
         yield "average", self.average
         yield "discriminators", self.discriminators
-        if self.predictor is not None:
-            yield "predictor", self.predictor
-        if self.way_distribution is not None:
-            yield "way_distribution", self.way_distribution
+        for i, panel in enumerate(self.panels):
+            yield f"panels/{i}/assignment", panel.assignment
+
+    def optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
+        yield "generator_optimiser", self.generator_optimiser
+        yield "discriminator_optimiser", self.discriminator_optimiser
+        for i, panel in enumerate(self.panels):
+            for name, optimiser in panel.assignment.optimisers().items():
+                yield f"panels/{i}/optimisers/{name}", optimiser
 
     def tensors(self) -> dict[str, Tensor]:
-        """Every number of the state by name, on the CPU: what a checkpoint stores."""
+        """Return every number of the state by name, on the CPU: what a checkpoint stores."""
         named = {f"{prefix}/{k}": v for prefix, module in self.modules() for k, v in module.state_dict().items()}
-        for prefix, optimiser in self._optimisers():
+        for prefix, optimiser in self.optimisers():
             named |= {f"{prefix}/{k}": v for k, v in _optimiser_tensors(optimiser).items()}
         for i, panel in enumerate(self.panels):
-            named |= {f"panels/{i}/ways": panel.ways, f"panels/{i}/heads": panel.heads}
-            named[f"panels/{i}/pull"] = torch.tensor(panel.pull, dtype=torch.float64)
+            named[f"panels/{i}/gradient_norm"] = torch.tensor(panel.gradient_norm, dtype=torch.float64)
         counters = {f"counters/{k}": torch.tensor(v, dtype=torch.float64) for k, v in vars(self.counters).items()}
         return {k: v.detach().cpu().contiguous().clone() for k, v in {**named, **counters}.items()}
 
@@ -134,28 +128,31 @@ class State:
     def _load(self, tensors: dict[str, Tensor]) -> None:
         for name, value in vars(self.counters).items():
             setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
-        self._renew_predictor_optimiser()
         for prefix, module in self.modules():
-            own = _strip(tensors, prefix)
-            wanted = {k: v.shape for k, v in module.state_dict().items()}
-            if wanted != {k: v.shape for k, v in own.items()}:
-                raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it belongs to another run")
-            module.load_state_dict(own)
-        for prefix, optimiser in self._optimisers():
+            load_module(module, tensors, prefix)
+        for prefix, optimiser in self.optimisers():  # an assignment says which it has once its module is loaded
             _load_optimiser(optimiser, _strip(tensors, prefix))
         for i, panel in enumerate(self.panels):
-            if tensors[f"panels/{i}/ways"].shape != panel.ways.shape:
-                raise UserError("the checkpoint was made with another number of images; it belongs to another run")
-            panel.ways, panel.heads = tensors[f"panels/{i}/ways"], tensors[f"panels/{i}/heads"]
-            panel.pull = tensors[f"panels/{i}/pull"].item()
+            panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
 
-    def _optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
-        yield "generator_optimiser", self.generator_optimiser
-        yield "discriminator_optimiser", self.discriminator_optimiser
-        if self.way_optimiser is not None:
-            yield "way_optimiser", self.way_optimiser
-        if self.predictor_optimiser is not None:
-            yield "predictor_optimiser", self.predictor_optimiser
+
+def begin_assignments(recipe: Recipe) -> list[AssignmentState]:
+    """Begin the assignment of each panel."""
+    seeds = [recipe.seed if i == 0 else derived_seed(recipe.seed, i, "panel") for i in range(len(recipe.panels))]
+    return [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+
+
+def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> None:
+    """Load what is stored under `prefix`. Raises UserError if names or shapes are not the module's."""
+    own = _strip(tensors, prefix)
+    if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
+        raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it belongs to another run")
+    module.load_state_dict(own)
+
+
+def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
+    """Return the generator of the latents drawn by one panel at one update."""
+    return generator_at(seed, draw, f"latents/{panel}/{rank}")
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:

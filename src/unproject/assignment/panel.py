@@ -1,0 +1,301 @@
+"""Panel: observations that share a discriminator, their data, and how images are assigned to observations.
+
+An `Assignment` is a frozen setting; `begin(panel, seed)` makes its `AssignmentState`, which is part of the checkpoint.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor, nn
+
+from .._types import UserError
+from ..data import Collection
+from ..metrics import Score
+from ..networks import Generator
+from ..projections.base import Projection
+from ..projections.observation import Observation
+from ..projections.priors import sample_each
+
+
+class Assignment(ABC):
+    """How the images of a panel are assigned to its observations, and how generated samples are observed.
+
+    Subclass it, as a frozen dataclass, for an assignment of your own: `begin` returns the state of a run.
+    """
+
+    def heads(self, panel: Panel) -> int:
+        """Return how many heads the discriminator has (default: one an observation)."""
+        return len(panel.observations)
+
+    @abstractmethod
+    def begin(self, panel: Panel, seed: int) -> AssignmentState:
+        """Return the state at the start of a run.
+
+        Raises:
+            UserError: if the panel's data do not fit this assignment.
+        """
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Observations with one projection and one discriminator (a head an observation), and the images they explain.
+
+    Args:
+        observations: they share one projection object and differ in their priors.
+        data: one collection for all observations, or one for each.
+        assignment: which observation made each image (default: `Known`).
+        weight: factor of this panel's loss in the loss of the generator.
+        penalty_scale: factor of the recipe's gradient penalty; above 1 where few images show many objects, which the
+            discriminator would memorise.
+
+    Raises:
+        UserError: if observations differ in their projections, collections in the shape of their items, or their
+            numbers do not match; for a weight or a scale that is not positive.
+    """
+
+    observations: Sequence[Observation]
+    data: Collection | Sequence[Collection]
+    assignment: Assignment = field(default_factory=lambda: Known())
+    weight: float = 1.0
+    penalty_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "observations", tuple(self.observations))
+        if not isinstance(self.data, Collection):
+            object.__setattr__(self, "data", tuple(self.data))
+        if not self.observations:
+            raise UserError("panel: give at least one observation")
+        names = ", ".join(repr(o.name) for o in self.observations)
+        if any(o.projection != self.projection for o in self.observations):
+            raise UserError(
+                f"panel of {names}: its observations must share one projection; make it once and give it to each, or "
+                "give each a panel of its own"
+            )
+        if len(self.collections) not in (1, len(self.observations)):
+            raise UserError(
+                f"panel of {names}: {len(self.collections)} collections for {len(self.observations)} observations; "
+                "give one for all, or one for each"
+            )
+        if len({tuple(c.items.shape[1:]) for c in self.collections}) > 1:
+            raise UserError(f"panel of {names}: its images differ in size; give each size a panel of its own")
+        for name in ("weight", "penalty_scale"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise UserError(f"panel of {names}: {name}={getattr(self, name):g}: must be positive")
+
+    @property
+    def projection(self) -> Projection:
+        return self.observations[0].projection
+
+    @property
+    def collections(self) -> tuple[Collection, ...]:
+        return (self.data,) if isinstance(self.data, Collection) else tuple(self.data)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of one image."""
+        return tuple(self.collections[0].items.shape[1:])
+
+    @cached_property
+    def _ends(self) -> tuple[int, ...]:
+        return tuple(accumulate(map(len, self.collections)))
+
+    def __len__(self) -> int:
+        """The number of images."""
+        return self._ends[-1]
+
+    def batch(self, rows: Tensor) -> Tensor:
+        """Return the images of these rows, (B, ...) float32; rows run through the collections one after another."""
+        if len(self.collections) == 1:
+            return self.collections[0].batch(rows)
+        which = torch.bucketize(rows, torch.tensor(self._ends), right=True)
+        images = torch.empty(len(rows), *self.shape)
+        for k in which.unique().tolist():
+            mine = which == k
+            images[mine] = self.collections[k].batch(rows[mine] - (self._ends[k - 1] if k else 0))
+        return images
+
+    def project(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
+        """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection."""
+        priors = [observation.prior for observation in self.observations]
+        theta = sample_each(priors, views, rng) if priors[0].names else {}
+        return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
+
+
+class Context(Protocol):
+    """What a run offers an assignment before each step."""
+
+    @property
+    def step(self) -> int:
+        """Steps done."""
+        ...
+
+    @property
+    def progress(self) -> float:
+        """The part of the budget that is spent, 0 to 1."""
+        ...
+
+    @property
+    def generator(self) -> Generator:
+        """The generator with averaged weights."""
+        ...
+
+    @property
+    def device(self) -> torch.device: ...
+
+    def stopping(self) -> bool:
+        """Whether the run was asked to stop; then return False from `before_step` soon."""
+        ...
+
+    def save(self) -> None:
+        """Write a checkpoint now."""
+        ...
+
+    def record(self, **fields: Any) -> None:
+        """Write a line to the run's log."""
+        ...
+
+    def subtask(self, name: str, total: int) -> Callable[[int, float], None]:
+        """Show a second progress bar; call the result with (done, loss)."""
+        ...
+
+    def synchronise(self, tensors: Iterable[Tensor]) -> None:
+        """Overwrite tensors by those of the first process."""
+        ...
+
+    def restart(self) -> None:
+        """Start the generator and the discriminators from new weights."""
+        ...
+
+
+class AssignmentState(nn.Module):
+    """What is assigned during a run; its `state_dict` is part of the checkpoint.
+
+    Attributes:
+        views: (N,) the observation of each image.
+        heads: (N,) the discriminator's head for each image.
+        fixes_gauge: whether views are known, so that samples come out in the frame of the data.
+    """
+
+    views: Tensor
+    heads: Tensor
+    fixes_gauge: bool = False
+
+    def __init__(self, panel: Panel, views: Tensor, heads: Tensor) -> None:
+        super().__init__()
+        self.panel = panel
+        self.register_buffer("views", views)
+        self.register_buffer("heads", heads)
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> AssignmentState:
+        """Move parameters and modules only: what is assigned stays on the CPU, where rows are drawn."""
+        own = dict(self._buffers)
+        super()._apply(fn, recurse)
+        self._buffers.update(own)
+        return self
+
+    def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
+        """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,).
+
+        Called with gradients off where only discriminators are updated.
+        """
+        return self.panel.project(x, self.views[rows], rng)
+
+    def before_step(self, run: Context) -> bool:
+        """Do what is due before a step; False if interrupted, and then called again to continue."""
+        return True
+
+    def loss(self) -> Tensor | float:
+        """Return a term of the generator's loss."""
+        return 0.0
+
+    def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
+        """Update own parameters after the backward pass of the generator's loss."""
+
+    def optimisers(self) -> dict[str, torch.optim.Adam]:
+        """Return own optimisers by name; their moments are part of the checkpoint."""
+        return {}
+
+    def log(self) -> dict[str, Any]:
+        """Return fields for the lines of the log."""
+        return {}
+
+    def estimates(self) -> Tensor | None:
+        """Return (N,) the view that was estimated for each image; None if none was."""
+        return None
+
+    def checks(self) -> dict[str, Score]:
+        """Return scores of the assignment that need no known views."""
+        return {}
+
+    def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
+        """Draw n views as frequent as those of the data."""
+        return self.views[torch.randint(len(self.views), (n,), generator=rng)]
+
+
+@dataclass(frozen=True)
+class Known(Assignment):
+    """The observation of each image is known: it is the one whose collection holds it (MP-GAN).
+
+    With one collection for several observations, it is the first whose prior contains the image's known latents.
+    """
+
+    def begin(self, panel: Panel, seed: int) -> AssignmentState:
+        if len(panel.collections) == 1 and len(panel.observations) > 1:
+            views = views_of(panel.collections[0], panel.observations)
+        else:
+            counts = torch.tensor([len(collection) for collection in panel.collections])
+            views = torch.arange(len(counts)).repeat_interleave(counts)
+        state = AssignmentState(panel, views, views.clone())
+        state.fixes_gauge = len(panel.observations) > 1
+        return state
+
+
+def views_of(collection: Collection, observations: Sequence[Observation]) -> Tensor:
+    """Return (N,) the first observation whose prior contains each item's known latents; missing latents count as 0.
+
+    Raises:
+        UserError: if no latents are known, or those of an item lie in no prior.
+    """
+    names = observations[0].prior.names
+    first = names[0] if names else "view"
+    if collection.latents is None or first not in collection.latents:
+        raise UserError(
+            f"{collection.source}: known views are asked for but none are there; add a views.csv (file,{first} in "
+            f"degrees) to a folder or an array `{first}` (radians) to an .npz, or use --views predicted"
+        )
+    latents = {name: torch.zeros(len(collection)) for name in names} | collection.latents
+    inside = torch.stack([observation.prior.contains(latents) for observation in observations], 1)
+    outside = ~inside.any(1)
+    if bool(outside.any()):
+        more = ", or give --bands enough bands of elevation" if "elevation" in names else ""
+        raise UserError(
+            f"{collection.source}: the known view of {int(outside.sum())} of {len(inside)} images lies outside every "
+            f"bin; leave them out{more}"
+        )
+    return inside.long().argmax(1)
+
+
+def by_view(collection: Collection, observations: Sequence[Observation]) -> tuple[list[Observation], list[Collection]]:
+    """Return the observations that have images, and their images: the items whose known latents a prior contains."""
+    views = views_of(collection, observations)
+    rows = {k: (views == k).nonzero()[:, 0] for k in views.unique().tolist()}
+    return [observations[k] for k in rows], [collection.subset(found) for found in rows.values()]
+
+
+def shared_collection(panel: Panel, kind: str) -> Collection:
+    """Return the one collection of a panel whose views are unknown.
+
+    Raises:
+        UserError: if there are several collections, or a single observation.
+    """
+    if len(panel.collections) != 1 or len(panel.observations) < 2:
+        raise UserError(f"{kind}: give the panel at least two observations and one collection for all of them")
+    return panel.collections[0]

@@ -1,0 +1,215 @@
+"""Predicted: views are unknown; a view predictor, trained on the generator's own projections, assigns them (VP-MP-GAN).
+
+Rounds alternate: train the generator; fit the predictor to projections of samples at uniform views; assign every real
+image by its responsibilities p(k | y). A sample is projected in the view of the real image that it is paired with, so
+the view distribution of samples is the predicted one.
+
+References:
+    Li et al. 2019; schedule and clusters from the authors' released implementation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from .._random import derived_seed, generator_at, seeded
+from .._types import UserError
+from ..metrics import Score
+from ..projections.observation import Observation
+from .panel import Assignment, AssignmentState, Context, Panel, shared_collection
+from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
+from .responsibilities import Estimator, uniform_views
+
+REPORT_EVERY, SAVE_EVERY = 20, 5000
+"""Steps of a fit between two checks for a request to stop, and between two checkpoints."""
+PREDICTED_AT_ONCE = 512
+
+Initialiser = Callable[[Sequence[Observation], Tensor, int], Tensor]
+"""(observations, images (N, ...), seed) → responsibilities (N, K) for round 0."""
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """When views are predicted anew.
+
+    Args:
+        starts: the part of the budget at which each round starts, increasing within (0, 1).
+        least_steps: training steps between two rounds at least; in a short run rounds that come sooner are left out.
+        restart: start the generator and the discriminator from new weights after round 1, as the released code does.
+    """
+
+    starts: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8)
+    least_steps: int = 0
+    restart: bool = False
+
+    def __post_init__(self) -> None:
+        if list(self.starts) != sorted(set(self.starts)) or not all(0 < s < 1 for s in self.starts):
+            raise UserError(f"Rounds(starts={self.starts}): give increasing parts of the budget between 0 and 1")
+
+    def due(self, progress: float) -> int:
+        """Return how many rounds should have started by then."""
+        return sum(start <= progress for start in self.starts)
+
+
+@dataclass(frozen=True)
+class Predicted(Assignment):
+    """Assign views in rounds by a view predictor; in round 0 views are random, or an initialiser's.
+
+    Args:
+        rounds: when views are predicted anew.
+        fit: the view predictor and how it is fitted.
+        estimator: how predicted probabilities become views and heads.
+        initialiser: gives responsibilities for round 0 (default: none, uniformly random views and one head).
+    """
+
+    rounds: Rounds = field(default_factory=Rounds)
+    fit: PredictorFit = field(default_factory=PredictorFit)
+    estimator: Estimator = field(default_factory=Estimator)
+    initialiser: Initialiser | None = None
+
+    def heads(self, panel: Panel) -> int:
+        return self.estimator.clusters or len(panel.observations)
+
+    def begin(self, panel: Panel, seed: int) -> PredictedState:
+        collection = shared_collection(panel, "Predicted")
+        views = uniform_views(len(collection), len(panel.observations), seed)
+        return PredictedState(panel, views, torch.zeros_like(views), self, seed)
+
+
+class PredictedState(AssignmentState):
+    """The predictor, the rounds done, and the round whose predictor is being fitted, if any.
+
+    Attributes:
+        round: rounds done. `fitting`: the round in progress, or 0; `fitted`: steps of its fit that are done.
+        last: the training step of the last round.
+    """
+
+    round: Tensor
+    fitting: Tensor
+    fitted: Tensor
+    last: Tensor
+
+    def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: Predicted, seed: int) -> None:
+        super().__init__(panel, views, heads)
+        self.settings, self.seed = settings, seed
+        self.predictor = self._new_predictor()
+        self.adam: torch.optim.Adam | None = None
+        for name in ("round", "fitting", "fitted", "last"):
+            self.register_buffer(name, torch.tensor(0))
+
+    def _new_predictor(self) -> torch.nn.Module:
+        return self.settings.fit.network(self.panel.shape, len(self.panel.observations))
+
+    def before_step(self, run: Context) -> bool:
+        initialiser = self.settings.initialiser
+        if initialiser is not None and run.step == 0 and self.round == 0:
+            seed = derived_seed(self.seed, 0, "assignment")
+            found = initialiser(self.panel.observations, self.panel.collections[0].floats(), seed)
+            self._assign(run, found, seed, event="initialised")
+        if self.fitting:
+            return self._continue_round(run)
+        due, rounds = self.settings.rounds.due(run.progress), self.settings.rounds
+        if due <= self.round or (self.round > 0 and run.step - self.last < rounds.least_steps):
+            return True
+        self._begin_round(due, run)
+        return self._continue_round(run)
+
+    def _begin_round(self, due: int, run: Context) -> None:
+        if self.settings.fit.fresh:
+            with seeded(self.seed, f"predictor/{due}"):
+                self.predictor = self._new_predictor().to(run.device)
+        self.adam = self.settings.fit.optimiser(self.predictor)
+        self.fitting.fill_(due)
+        self.fitted.fill_(0)
+
+    def _continue_round(self, run: Context) -> bool:
+        """Fit the predictor and assign the images; False if interrupted before the end."""
+        run.synchronise([*run.generator.parameters(), *run.generator.buffers()])
+        seed = derived_seed(self.seed, int(self.fitting), "assignment")
+        loss = self._fit(run, seed)
+        if loss is None:
+            return False
+        found = self.settings.estimator.responsibilities(self._probabilities())
+        self._assign(run, found, seed, event="assigned", round=int(self.fitting), loss=round(loss, 6))
+        if self.settings.rounds.restart and self.round == 0:
+            run.restart()
+        self.round.copy_(self.fitting)
+        self.last.fill_(run.step)
+        self.fitting.fill_(0)
+        self.adam = None
+        return True
+
+    def _fit(self, run: Context, seed: int) -> float | None:
+        """Return the last loss of the predictor's fit, or None if interrupted."""
+        fit, adam = self.settings.fit, self.adam
+        assert adam is not None
+        report = run.subtask("view predictor", fit.steps)
+        images, views = self._labelled(run, seed)
+        loss = torch.tensor(float("nan"))
+        for done, loss in fit.run(self.predictor, adam, images, views, seed, int(self.fitted)):
+            self.fitted.fill_(done)
+            if done < fit.steps and done % REPORT_EVERY == 0:
+                report(done, loss.item())
+                if done % SAVE_EVERY == 0:
+                    run.save()
+                if run.stopping():
+                    return None
+        report(fit.steps, loss.item())
+        return loss.item()
+
+    @torch.no_grad()
+    def _labelled(self, run: Context, seed: int) -> tuple[Tensor, Tensor]:
+        """Project samples in uniform views; return the projections and their views. Each sample is projected often."""
+        projections, views = [], []
+        for start in range(0, self.settings.fit.images, CHUNK):
+            rng = generator_at(seed, start, "labelled projections")
+            x = run.generator(run.generator.draw(CHUNK // VIEWS_PER_SAMPLE, rng).to(run.device))
+            views.append(torch.randint(len(self.panel.observations), (CHUNK,), generator=rng))
+            projections.append(self.panel.project(x.repeat_interleave(VIEWS_PER_SAMPLE, 0), views[-1], rng))
+        count = self.settings.fit.images
+        return torch.cat(projections)[:count], torch.cat(views)[:count]
+
+    def _assign(self, run: Context, responsibilities: Tensor, seed: int, **fields: object) -> None:
+        views, heads = self.settings.estimator.assign(responsibilities, seed)
+        run.synchronise([views, heads])
+        self.views.copy_(views)
+        self.heads.copy_(heads)
+        counts = torch.bincount(views, minlength=len(self.panel.observations)).tolist()
+        run.record(**fields, views=counts)
+
+    def optimisers(self) -> dict[str, torch.optim.Adam]:
+        if self.fitting and self.adam is None:  # as after loading the state of an interrupted fit
+            self.adam = self.settings.fit.optimiser(self.predictor)
+        return {} if self.adam is None else {"adam": self.adam}
+
+    def _probabilities(self) -> Tensor:
+        """Return the predictor's probabilities of the panel's images, (N, K)."""
+        collection = self.panel.collections[0]
+        batches = (collection.batch(rows) for rows in torch.arange(len(collection)).split(PREDICTED_AT_ONCE))
+        return self.settings.fit.probabilities(self.predictor, batches)
+
+    def checks(self) -> dict[str, Score]:
+        """Return what the predictor knows of views, I(k; y) = H(mean p) - mean H(p), and how many are used."""
+        p = self._probabilities()
+        n, count = p.shape
+        information = entropy(p.mean(0)) - entropy(p).mean()
+        used = torch.bincount(self.views, minlength=count) / n
+        return {
+            "view_information": Score(
+                information.item(), f"nats of log {count} = {math.log(count):.2f}, {n} images", n
+            ),
+            "views_used": Score(entropy(used).exp().item(), f"exp of the entropy of assigned views, of {count}", n),
+        }
+
+    def estimates(self) -> Tensor:
+        return self.views
+
+
+def entropy(p: Tensor) -> Tensor:
+    """Return the entropy of each row of p (..., K), in nats."""
+    return -(p * p.clamp_min(1e-12).log()).sum(-1)

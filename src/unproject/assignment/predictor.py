@@ -1,0 +1,88 @@
+"""Fitting a view predictor, by cross entropy, to projections of generated samples whose views are known."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from .._random import generator_at
+from .._types import UserError
+from ..networks import ViewPredictor
+
+CHUNK, VIEWS_PER_SAMPLE = 256, 4
+
+
+@dataclass(frozen=True)
+class PredictorFit:
+    """The view predictor and how it is fitted: Adam (0.5, 0.999), a learning rate that falls linearly to zero.
+
+    Args:
+        network: (image shape, number of views) → view predictor.
+        images: projections of generated samples that it is fitted to.
+        steps, batch, learning_rate: of the fit.
+        binarise: threshold images at ½ before the predictor sees them.
+        fresh: start from new weights in every round instead of the last round's.
+    """
+
+    network: Callable[[tuple[int, ...], int], nn.Module] = ViewPredictor
+    images: int = 2048
+    steps: int = 150
+    batch: int = 128
+    learning_rate: float = 2e-3
+    binarise: bool = False
+    fresh: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("images", "steps", "batch"):
+            if getattr(self, name) < 1:
+                raise UserError(f"PredictorFit({name}={getattr(self, name)}): must be at least 1")
+
+    def optimiser(self, predictor: nn.Module) -> torch.optim.Adam:
+        return torch.optim.Adam(predictor.parameters(), self.learning_rate, (0.5, 0.999))
+
+    def prepared(self, images: Tensor) -> Tensor:
+        """Return the images as the predictor sees them."""
+        return (images > 0.5).to(images) if self.binarise else images
+
+    def run(
+        self,
+        predictor: nn.Module,
+        optimiser: torch.optim.Adam,
+        images: Tensor,
+        views: Tensor,
+        seed: int,
+        done: int = 0,
+    ) -> Iterator[tuple[int, Tensor]]:
+        """Fit `predictor` to images (N, ...) of known views (N,), one step for each item that is taken.
+
+        An interrupted fit continues from the same weights, the same optimiser and the number of steps `done`. Yields
+        (steps done, loss); at the end the predictor is in evaluation mode.
+        """
+        predictor.train()
+        images = self.prepared(images)
+        for step in range(done, self.steps):
+            rows = torch.randint(len(images), (self.batch,), generator=generator_at(seed, step, "view predictor"))
+            optimiser.param_groups[0]["lr"] = self.learning_rate * (1 - step / self.steps)
+            loss = F.cross_entropy(predictor(images[rows]), views[rows].to(images.device))
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            yield step + 1, loss.detach()
+        predictor.eval()
+
+    def fitted(self, predictor: nn.Module, images: Tensor, views: Tensor, seed: int) -> float:
+        """Fit `predictor` from beginning to end; return the last loss."""
+        steps = self.run(predictor, self.optimiser(predictor), images, views, seed)
+        _, loss = deque(steps, maxlen=1)[0]
+        return loss.item()
+
+    @torch.no_grad()
+    def probabilities(self, predictor: nn.Module, batches: Iterable[Tensor]) -> Tensor:
+        """Return the probability of every view for each image, (N, K), on the CPU."""
+        device = next(predictor.parameters()).device
+        return torch.cat([predictor(self.prepared(part).to(device)).softmax(1).cpu() for part in batches])

@@ -1,0 +1,37 @@
+"""Unassigned: views are unknown, and one discriminator head sees all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from .panel import Assignment, AssignmentState, Panel, shared_collection
+
+
+@dataclass(frozen=True)
+class Unassigned(Assignment):
+    """No image is assigned to an observation; samples are projected by observations drawn uniformly.
+
+    References:
+        Gadelha, Maji & Wang 2017, 3D Shape Induction from 2D Views of Multiple Objects (PrGAN).
+    """
+
+    def heads(self, panel: Panel) -> int:
+        return 1
+
+    def begin(self, panel: Panel, seed: int) -> UnassignedState:
+        none = torch.zeros(len(shared_collection(panel, "Unassigned")), dtype=torch.long)
+        return UnassignedState(panel, none, none.clone())
+
+
+class UnassignedState(AssignmentState):
+    """Draws an observation for each sample anew; `views` is unused."""
+
+    def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
+        return self.panel.project(x, self.draw_views(len(x), rng), rng)
+
+    def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
+        count = len(self.panel.observations)
+        return torch.multinomial(torch.full((count,), 1 / count), n, replacement=True, generator=rng)

@@ -1,0 +1,118 @@
+"""Domain: what a generator makes: its arrays in files, preview picture, scores, gauge and exporters."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor
+
+from .._files import atomic_path
+from .._types import UserError
+from ..data import Collection
+from ..export import Written, save_image
+from ..metrics import Score
+from ..projections.observation import Observation
+
+Exporter = Callable[..., Written]
+"""(samples, path, **options) → what was written."""
+
+
+@dataclass(frozen=True)
+class Domain(ABC):
+    """What a generator makes. Subclass it, as a frozen dataclass, for a domain of your own: `preview` is enough.
+
+    Attributes:
+        name: of one sample, and the key of the samples in an .npz.
+        previewed: how many samples a preview shows.
+        scored: how many samples are scored (default of `unproject evaluate --n`).
+    """
+
+    name: ClassVar[str] = "sample"
+    previewed: ClassVar[int] = 16
+    scored: ClassVar[int] = 256
+
+    @abstractmethod
+    def preview(self, x: Tensor) -> Image.Image:
+        """Draw samples x (N, ...) as one picture."""
+
+    def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
+        """Return samples as the arrays that `unproject sample` writes."""
+        return {self.name: x.numpy()}
+
+    def samples(self, arrays: Mapping[str, np.ndarray]) -> Tensor:
+        """Return the samples of such arrays, (N, ...).
+
+        Raises:
+            UserError: if they are missing.
+        """
+        if self.name not in arrays:
+            raise UserError(f"holds no array {self.name!r}; use a file that `unproject sample` wrote")
+        return torch.as_tensor(arrays[self.name])
+
+    def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
+        """Score samples against references (R, ...) of the same shape.
+
+        Args:
+            turns: how many turns the gauge has, of which the best is taken (default: samples are scored as they are).
+        """
+        return {}
+
+    def checks(self, x: Tensor, seed: int = 0) -> dict[str, Score]:
+        """Score samples without a reference."""
+        a, b = x[torch.arange(len(x)).roll(1)], x
+        distance = (a - b).flatten(1).square().mean(1).sqrt().mean().item()
+        spread = distance / max(x.std().item(), 1e-12)
+        how = f"mean RMS difference of {len(x)} pairs of samples over the standard deviation of all values"
+        return {"diversity": Score(spread, how, len(x), seed)}
+
+    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
+        """Score projections of samples (N, ...) against those of the data (M, ...)."""
+        return {}
+
+    def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
+        """Return how many turns of a sample explain the same data; None if samples have one pose.
+
+        Args:
+            fixed: whether known views fix the pose.
+        """
+        return None
+
+    def bins(self, observations: Sequence[Observation]) -> int:
+        """Return in how many bins the views of these observations are scored."""
+        return len(observations)
+
+    def half_turn(self, observations: Sequence[Observation]) -> bool:
+        """Whether the views cover half a turn, the other half being mirror images of it."""
+        return False
+
+    def read(self, path: Path, size: int) -> Collection:
+        """Read references from a path. Raises UserError if it holds none."""
+        raise UserError(f"{path}: a {self.name} is scored by its own domain; give no reference")
+
+    @property
+    def exporters(self) -> Mapping[str, Exporter]:
+        """Return format → exporter."""
+        return {"npz": self.write_arrays, "png": partial(self.write_preview, suffix=".png")}
+
+    def write_arrays(self, x: Tensor, path: str | PathLike[str]) -> Written:
+        """Write the arrays, at the path if it ends in .npz, else samples.npz in that folder."""
+        path = Path(path) if str(path).endswith(".npz") else Path(path) / "samples.npz"
+        arrays: dict[str, Any] = self.arrays(x)
+        with atomic_path(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        return Written((path,))
+
+    def write_preview(self, x: Tensor, path: str | PathLike[str], suffix: str = ".png") -> Written:
+        """Write the preview, at the path if it ends in the suffix, else samples.png in that folder."""
+        path = Path(path) if Path(path).suffix.lower() == suffix else Path(path) / f"samples{suffix}"
+        save_image(self.preview(x), path)
+        return Written((path,))

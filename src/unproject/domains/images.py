@@ -1,0 +1,50 @@
+"""Images: (N, 1, H, W) in [0, 1]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from PIL import Image
+from torch import Tensor
+
+from .. import export
+from ..data import Collection, read
+from ..metrics import Score, image_scores, line_scores
+from ..projections.observation import Observation
+from .domain import Domain
+from .views import cover_half_a_turn, free_turns, view_bins
+
+
+@dataclass(frozen=True)
+class Images(Domain):
+    """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`."""
+
+    name: ClassVar[str] = "image"
+    previewed: ClassVar[int] = 64
+    scored: ClassVar[int] = 2000
+
+    def preview(self, x: Tensor) -> Image.Image:
+        return export.silhouette_sheet(x, scale=2)
+
+    def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
+        return image_scores(x, reference, bins=turns, seed=seed)
+
+    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
+        return line_scores(y, reference, seed=seed) if reference.dim() == 3 else {}
+
+    def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
+        if fixed or not observations[0].prior.names:
+            return None
+        return free_turns(observations, self.half_turn(observations))
+
+    def bins(self, observations: Sequence[Observation]) -> int:
+        return view_bins(observations)
+
+    def half_turn(self, observations: Sequence[Observation]) -> bool:
+        return cover_half_a_turn(observations)
+
+    def read(self, path: Path, size: int) -> Collection:
+        return read(path, size, pictures="images")

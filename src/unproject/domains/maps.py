@@ -1,0 +1,89 @@
+"""Maps: surface materials, (N, 8, H, W) as `ops.maps` packs them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor
+
+from .. import export
+from ..data import Collection, procedural_probes
+from ..metrics import Score, material_scores, patch_distance
+from ..ops.maps import pack_maps, unpack_maps
+from ..ops.microfacet import Reflection
+from ..ops.shading import Sampling
+from ..projections.rendering import Rendering
+from .domain import Domain, Exporter
+
+LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))
+"""Built-in light, and the camera's angle from the normal in radians."""
+
+
+@dataclass(frozen=True)
+class Maps(Domain):
+    """Maps of a material (N, 8, H, W): diffuse and specular albedo, roughness, normal; they have one pose.
+
+    Args:
+        fresnel: what the specular albedo means, see `ops.microfacet.Reflection`.
+    """
+
+    name: ClassVar[str] = "maps"
+    previewed: ClassVar[int] = 10
+    scored: ClassVar[int] = 500
+    fresnel: Literal["eta", "albedo"] = "albedo"
+
+    def preview(self, x: Tensor) -> Image.Image:
+        return export.material_sheet(x, relit(x))
+
+    def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
+        named = {name: part.numpy() for name, part in unpack_maps(x).items()}
+        return {**named, "fresnel": np.array(self.fresnel)}
+
+    def samples(self, arrays: Mapping[str, np.ndarray]) -> Tensor:
+        return pack_maps({name: torch.as_tensor(part) for name, part in arrays.items() if part.ndim == 4})
+
+    def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
+        return material_scores(x, reference, seed, rendered_alike(x, reference))
+
+    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
+        found = patch_distance(y, reference, seed=seed)
+        how = f"sliced Wasserstein-1 of patches, {len(y)} generated vs {len(reference)}"
+        return {"patch": Score(found.mean, how, len(y), seed)}
+
+    def read(self, path: Path, size: int) -> Collection:
+        return Collection.materials(path, size).warn_skipped()
+
+    @property
+    def exporters(self) -> Mapping[str, Exporter]:
+        return {**super().exporters, **export.MATERIAL_FORMATS}
+
+
+def rendered_alike(x: Tensor, reference: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
+    """Return both sets of maps under the same lights: the name of the light → a pair of renderings."""
+    pairs = zip(relit(x), relit(reference), strict=True)
+    return dict(zip(("lamp", *(name for name, _ in LIGHTS)), pairs, strict=True))
+
+
+@torch.no_grad()
+def relit(maps: Tensor) -> list[Tensor]:
+    """Render maps from above under a lamp ½ rad from the normal, and under `LIGHTS`: (N, 3, H, W) for each."""
+    theta = torch.zeros(len(maps))
+    lamp = Rendering("directional", Reflection("albedo"))
+    pictures = [lamp(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)]
+    for rendering, (_, view) in zip(_renderings(), LIGHTS, strict=True):
+        pictures.append(rendering(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5))
+    return pictures
+
+
+@cache
+def _renderings() -> list[Rendering]:
+    probes, names = procedural_probes(32)
+    chosen = [probes[names.index(name)][None] for name, _ in LIGHTS]
+    return [Rendering(probe, Reflection("albedo"), Sampling(64)) for probe in chosen]

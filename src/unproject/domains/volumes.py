@@ -1,0 +1,77 @@
+"""Volumes: 3-D shapes, (N, X, Y, Z) in [0, 1]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import torch
+from PIL import Image
+from scipy import ndimage
+from torch import Tensor
+
+from .. import export
+from ..data import Collection, read
+from ..metrics import Score, one_minus_iou, shape_scores, silhouette_scores
+from ..projections.observation import Observation
+from .domain import Domain, Exporter
+from .views import free_turns, view_bins
+
+CRUMB = 0.01
+
+
+@dataclass(frozen=True)
+class Volumes(Domain):
+    """Shapes as occupancy (N, X, Y, Z) in [0, 1], y up; turned about y by an unknown view's `azimuth`."""
+
+    name: ClassVar[str] = "volume"
+    previewed: ClassVar[int] = 6
+    scored: ClassVar[int] = 256
+
+    def preview(self, x: Tensor) -> Image.Image:
+        return export.contact_sheet(x, size=96)
+
+    def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
+        return shape_scores(x, reference, bins=turns, seed=seed)
+
+    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
+        return silhouette_scores(y, reference, seed=seed) if reference.dim() == 4 and reference.shape[1] == 1 else {}
+
+    def checks(self, x: Tensor, seed: int = 0) -> dict[str, Score]:
+        solid = x.flatten(1).amax(1) > 0.5
+        pieces = torch.tensor([count_pieces(volume) for volume in x[solid].numpy()]).float()
+        n, told = len(x), int(solid.sum())
+        distance = one_minus_iou(x[solid], x[solid]) if told > 1 else torch.zeros(1, 1)
+        off = distance.sum().item() / max(told * (told - 1), 1)
+        empty = 1 - told / n
+        whole = (pieces == 1).float().mean().item() if told else 0.0
+        return {
+            "diversity": Score(off, "mean 1-iou of two samples at 0.5, empty ones left out", told, seed),
+            "in_one_piece": Score(
+                whole, f"share of volumes whose parts of over {CRUMB:.0%} of the largest are one, at 0.5", told, seed
+            ),
+            "empty": Score(empty, "share of volumes with nothing above 0.5", n, seed),
+        }
+
+    def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
+        return free_turns(observations, False) if observations[0].prior.names and not fixed else None
+
+    def bins(self, observations: Sequence[Observation]) -> int:
+        return view_bins(observations)
+
+    def read(self, path: Path, size: int) -> Collection:
+        return read(path, size=size)
+
+    @property
+    def exporters(self) -> Mapping[str, Exporter]:
+        return {**super().exporters, **export.FORMATS}
+
+
+def count_pieces(volume: np.ndarray) -> int:
+    """Return how many parts, connected by corners, a volume (X, Y, Z) has at 0.5; crumbs do not count."""
+    labels, count = ndimage.label(volume > 0.5, np.ones((3, 3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
+    return int((sizes > CRUMB * sizes.max()).sum()) if count else 0

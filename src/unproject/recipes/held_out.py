@@ -1,0 +1,30 @@
+"""Held-out samples of the data sets that recipes use when no data are given; no recipe trains on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from torch import Tensor
+
+from ..data import chairs, digits
+from ..training import Origin
+from .materials import PROCEDURAL
+
+UNSEEN = 2**40
+"""The seed of materials that no recipe trains on."""
+CHAIRS = 200
+
+HELD_OUT: dict[str, Callable[[int, int], Tensor]] = {
+    "shapes": lambda size, count: chairs(CHAIRS, size, seed=1),
+    "digits": lambda size, count: digits(size, held_out=True),
+    **{name: lambda size, count, make=make: make(count, size, UNSEEN) for name, make in PROCEDURAL.items()},
+}
+"""Recipe, without `-paper` → (side, how many at most) → held-out samples."""
+
+
+def held_out(origin: Origin | None, size: int, count: int) -> Tensor | None:
+    """Return held-out samples for a run of a built-in recipe on its own data set; None for any other run."""
+    if origin is None or origin.arguments.get("data") is not None:
+        return None
+    make = HELD_OUT.get(origin.recipe.removesuffix("-paper"))
+    return None if make is None else make(size, count)

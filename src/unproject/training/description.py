@@ -1,0 +1,60 @@
+"""A JSON description of a recipe: what recipe.json holds, and what a resumed run must match."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..data import Collection
+
+
+def describe(value: Any) -> Any:
+    """Return a JSON description of a recipe or of any part of one."""
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Collection):
+        # Not its source: the same data may be reached by another path.
+        return {"collection": list(value.items.shape), "sha256": fingerprint(value.items)}
+    if isinstance(value, Tensor):
+        return {"tensor": list(value.shape), "sha256": fingerprint(value)}
+    if isinstance(value, partial):
+        return _call(value.func, value.keywords, value.args)
+    if is_dataclass(value) and not isinstance(value, type):
+        shown = [f.name for f in fields(value) if f.metadata.get("described", True)]
+        return {"type": full_name(type(value)), **{name: describe(getattr(value, name)) for name in shown}}
+    if isinstance(value, Mapping):
+        return {str(key): describe(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [describe(part) for part in value]
+    if inspect.isroutine(value) or isinstance(value, type):
+        return _call(value, {}, ())
+    return {"type": full_name(type(value)), **describe(vars(value))}
+
+
+def _call(function: Any, keywords: Mapping[str, Any], positional: tuple[Any, ...]) -> dict[str, Any]:
+    return {"call": full_name(function), "arguments": describe(keywords), "positional": describe(positional)}
+
+
+def full_name(value: Any) -> str:
+    """Return `module:qualified.name` of a function or class."""
+    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
+    return f"{module}:{name}" if module and name else f"{type(value).__module__}:{type(value).__qualname__}"
+
+
+def fingerprint(tensor: Tensor) -> str:
+    """Return the SHA-256 of a tensor's values, shortened to 16 digits."""
+    data = tensor.detach().cpu().contiguous().reshape(-1)
+    return hashlib.sha256(data.view(torch.uint8).numpy().tobytes()).hexdigest()[:16]

@@ -1,0 +1,115 @@
+"""Origin: recipe functions, and how a run's recipe is made again from recipe.json."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec
+
+from .._objects import find_object
+from .._types import UserError
+from .description import full_name
+from .recipe import Options, Origin, Recipe
+
+P = ParamSpec("P")
+OPTIONS = tuple(Options.__annotations__)
+
+
+def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
+    """Let the recipes that a function makes remember how they were made, so that their runs resume by path alone."""
+
+    @functools.wraps(function)
+    def remembered(*positional: P.args, **arguments: P.kwargs) -> Recipe:
+        made = function(*positional, **arguments)
+        if positional or not all(map(_storable, arguments.values())):
+            return made
+        return made.replace(origin=origin_of(full_name(function), full_name(function), arguments))
+
+    return remembered
+
+
+def make(name: str, function: Callable[..., Any], arguments: dict[str, Any]) -> Recipe:
+    """Call a recipe function as `unproject train NAME` does; options that it does not take itself are set afterwards.
+
+    Raises:
+        UserError: if it does not take an argument that is no option, or returns no recipe.
+    """
+    own, options = split(function, arguments)
+    made = function(**own)
+    if not isinstance(made, Recipe):
+        raise UserError(f"{name} returned {type(made).__name__}; name a function that returns a Recipe")
+    given = {key: value for key, value in options.items() if value is not None}
+    where = name if name.rpartition(":")[0].endswith(".py") else full_name(function)
+    seed = {"seed": given.pop("seed")} if "seed" in given else {}
+    made = made.configured(given).replace(**seed)  # pyright: ignore[reportArgumentType]
+    return made.replace(origin=origin_of(name, where, arguments))
+
+
+def split(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split arguments into those that the function takes and options of `Recipe` that it does not."""
+    parameters = inspect.signature(function).parameters
+    further = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    own, options = {}, {}
+    for name, value in arguments.items():
+        if name in parameters:
+            own[name] = value
+        elif name in OPTIONS or name == "seed":
+            if not further:
+                options[name] = value
+            elif value is not None:
+                own[name] = value
+        else:
+            raise UserError(
+                f"recipe {full_name(function)} does not take {name}; use the version that the run began with"
+            )
+    return own, options
+
+
+def origin_of(name: str, function: str, arguments: dict[str, Any]) -> Origin:
+    """Return what recipe.json stores of a call: paths become absolute, so that a run resumes from any folder."""
+    stored = {
+        key: {"path": str(value.absolute())} if isinstance(value, Path) else value for key, value in arguments.items()
+    }
+    return Origin(_absolute(name), _absolute(function), stored)
+
+
+def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recipe:
+    """Make the recipe of a run again, with some arguments changed.
+
+    Args:
+        changes: arguments; None leaves the run's own. A budget takes the place of the run's own.
+
+    Raises:
+        UserError: if the recipe was not made by a recipe function, or the function is not of this package and `trust`
+            is not given: importing it would run its code.
+    """
+    if origin is None or not origin.function:
+        raise UserError("this run's recipe was built in Python; call unproject.resume(path, recipe) there")
+    if not trust and origin.function.partition(":")[0].partition(".")[0] != "unproject":
+        raise UserError(f"this run's recipe is {origin.recipe}, code outside unproject; add --trust if you wrote it")
+    changes = {name: value for name, value in changes.items() if value is not None}
+    kept = {key: _restored(value) for key, value in origin.arguments.items()}
+    if {"steps", "minutes"} & changes.keys():
+        kept = {key: value for key, value in kept.items() if key not in ("steps", "minutes")}
+    return make(origin.recipe, find_object(origin.function), {**kept, **changes})
+
+
+def _absolute(where: str) -> str:
+    source, colon, function = where.rpartition(":")
+    return f"{Path(source).absolute()}{colon}{function}" if source.endswith(".py") else where
+
+
+def _storable(value: Any) -> bool:
+    return (
+        value is None
+        or isinstance(value, (bool, int, float, str, Path))
+        or (isinstance(value, (tuple, list)) and all(map(_storable, value)))
+    )
+
+
+def _restored(value: Any) -> Any:
+    if isinstance(value, dict) and set(value) == {"path"} and isinstance(value["path"], str):
+        return Path(value["path"])
+    return tuple(value) if isinstance(value, list) else value

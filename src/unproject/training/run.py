@@ -1,0 +1,166 @@
+"""Run: a run on disk, opened for sampling and scoring."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from .._objects import find_object
+from .._random import seeded
+from .._types import UserError
+from ..assignment import AssignmentState
+from ..data import Collection
+from ..domains import Domain, domain_of
+from ..metrics import Score
+from ..networks import Generator
+from . import checkpoint
+from .evaluation import estimated_view_scores, sample_scores, self_checks
+from .origin import rebuild
+from .recipe import Recipe
+from .run_directory import read_origin, read_recipe
+from .state import begin_assignments, load_module
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run on disk.
+
+    Attributes:
+        path: the run directory.
+        generator: with averaged weights, in evaluation mode.
+        step: steps done.
+        domain: what the generator makes.
+    """
+
+    path: Path
+    generator: Generator
+    step: int
+    domain: Domain
+
+    def sample(self, n: int, seed: int = 0) -> Tensor:
+        """Return n samples (n, ...) on the CPU; the same seed gives the same ones."""
+        return self.generator.sample(n, seed)
+
+    def stats(self) -> list[dict[str, Any]]:
+        """Return the lines of the log: `step`, `seconds`, losses and events."""
+        text = (self.path / "stats.jsonl").read_text(encoding="utf-8")
+        return [json.loads(line) for line in text.splitlines()]
+
+    def recipe(self, trust: bool = False) -> Recipe:
+        """Make the run's recipe again.
+
+        Raises:
+            UserError: if no recipe function made it, or one outside unproject and `trust` is not given.
+        """
+        return rebuild(read_origin(self.path), trust)
+
+    def evaluate(
+        self,
+        reference: Tensor | Collection | None = None,
+        *,
+        n: int | None = None,
+        seed: int = 0,
+        ceiling: bool = False,
+        recipe: Recipe | None = None,
+        trust: bool = False,
+    ) -> dict[str, Score]:
+        """Score the run: its samples, their projections, and the views that it estimated.
+
+        Args:
+            reference: held-out samples, or projections of such (default: none; then only self-checks are made: of
+                samples by themselves, against the training images, and of the views).
+            n: samples to score (default: the domain's number).
+            seed: of the samples and of the measurement.
+            ceiling: also train a view predictor on the known views, which takes a minute or two.
+            recipe: the run's recipe (default: made again by the run's recipe function).
+            trust: import the recipe's code although it is not of this package.
+
+        Raises:
+            UserError: if the recipe cannot be made, or the reference does not fit.
+        """
+        states = self.assignments(recipe or self.recipe(trust))
+        count = n or self.domain.scored
+        views = estimated_view_scores(self.domain, states, seed, ceiling)
+        if reference is None:
+            return self_checks(self.generator, self.domain, states, count, seed) | views
+        items = reference.floats() if isinstance(reference, Collection) else reference
+        return sample_scores(self.generator, self.domain, states, items, count, seed) | views
+
+    def assignments(self, recipe: Recipe) -> list[AssignmentState]:
+        """Return the assignment of each panel as the newest checkpoint has it."""
+        with seeded(recipe.seed, "weights"):
+            states = begin_assignments(recipe)
+        newest = checkpoint.newest(self.path / "checkpoints")
+        for i, state in enumerate(states):
+            prefix = f"panels/{i}/assignment"
+            load_module(state, checkpoint.load(newest, f"{prefix}/"), prefix)
+        return states
+
+
+def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
+    """Open a run: the averaged weights of its newest checkpoint. The training data are not needed.
+
+    The classes of generator and domain are named in recipe.json. Classes of this package are built at once; a class
+    from elsewhere would run its module's code, so it is imported only with `trust=True`.
+
+    Args:
+        path: the run directory.
+        device: where to put the generator: "cpu" or "cuda".
+        trust: import code outside this package.
+
+    Raises:
+        UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
+    """
+    path = Path(path)
+    stored = read_recipe(path)
+    if trust and ":" in stored["recipe"]:
+        find_object(stored["recipe"])  # its file is no module that could be imported by name
+    generator = _build(path, stored["resolved"].get("generator"), Generator, trust)
+    given = stored["resolved"].get("domain")
+    domain = domain_of(generator, None if given is None else _build_domain(path, given, trust))
+    newest = checkpoint.newest(path / "checkpoints")
+    tensors = checkpoint.load(newest, "average/")
+    try:
+        generator.load_state_dict({name.removeprefix("average/"): v for name, v in tensors.items()})
+    except RuntimeError as error:
+        raise UserError(f"{newest}: the weights do not fit recipe.json; they belong to another run") from error
+    step = int(newest.stem.removeprefix("step-"))
+    return Run(path, generator.eval().to(torch.device(device)), step, domain)
+
+
+def _build_domain(path: Path, described: Any, trust: bool) -> Domain:
+    if not isinstance(described, Mapping) or "type" not in described:
+        raise UserError(f"{path}: recipe.json does not say how to build the domain; restore the file")
+    fields = {name: value for name, value in described.items() if name != "type"}
+    call = {"call": described["type"], "positional": [], "arguments": fields}
+    return _build(path, call, Domain, trust)
+
+
+def _build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
+    """Build the generator or the domain that recipe.json describes."""
+    name = kind.__name__.lower()
+    try:
+        where, positional, arguments = str(described["call"]), described["positional"], described["arguments"]
+    except (TypeError, KeyError) as error:
+        raise UserError(f"{path}: recipe.json does not say how to build the {name}; restore the file") from error
+    module, _, attribute = where.partition(":")
+    if not trust and module.partition(".")[0] != "unproject":
+        raise UserError(f"{path}: its {name} is {where}, code outside unproject; add --trust if you wrote it")
+    try:
+        build: Any = import_module(module)
+        for part in attribute.split("."):
+            build = getattr(build, part)
+        if trust or (isinstance(build, type) and issubclass(build, kind)):
+            return build(*positional, **arguments)
+    except Exception as error:  # a constructor refuses wrong arguments with whatever kind of error it runs into
+        raise UserError(
+            f"{path}: the {name} of recipe.json cannot be built ({type(error).__name__}: {error}); restore the file"
+        ) from error
+    raise UserError(f"{path}: recipe.json names {where}, which is no {name}; restore the file")

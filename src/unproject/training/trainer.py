@@ -1,0 +1,266 @@
+"""Trainer: one training step; read `step` top to bottom.
+
+A step is a function of the state and of (seed, step) alone, so a run killed at any instant and resumed gives the
+numbers of one never killed, as long as the budget is in steps; a budget in minutes depends on the clock.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from .._random import derived_seed, generator_at
+from ..networks import Generator
+from . import checkpoint
+from .balancing import balanced_loss
+from .distribution import Distribution
+from .health import EVERY, check, check_finite, diversity
+from .recipe import Recipe
+from .recorder import Recorder
+from .state import PanelState, State, latents_rng
+
+
+class Trainer:
+    """A run in progress: the state, and how a step changes it.
+
+    Args:
+        recipe: what to train.
+        out: the run directory.
+        recorder: writes the log (and shows the progress).
+        state: of the run (default: a new one).
+        distribution: over processes and devices (default: this process alone).
+        stopping: says whether the run was asked to stop.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        out: Path,
+        recorder: Recorder,
+        state: State | None = None,
+        distribution: Distribution | None = None,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.recipe, self.out, self.recorder = recipe, out, recorder
+        self.distribution = distribution or Distribution()
+        self.state = state or State(recipe, self.distribution.device)
+        self.asked_to_stop = stopping
+        self.forward = self._compiled()
+        self.began = time.monotonic() - self.state.counters.seconds
+        self.saved_at = self.state.counters.step or None
+
+    def step(self) -> None:
+        """Take one training step; without one, return early if asked to stop while images are assigned."""
+        recipe, state = self.recipe, self.state
+        progress = self.progress()
+        if not self._assign(progress):
+            return
+        self._set_rates(progress)
+        losses: dict[str, Tensor] = {}
+        for i in range(recipe.discriminator_steps):
+            draw = state.counters.step * recipe.discriminator_steps + i
+            with torch.set_grad_enabled(i == recipe.discriminator_steps - 1):  # the last draw updates the generator too
+                x = self._generate(self._codes(draw))
+                batches = self._project(x, draw)
+            losses |= self._update_discriminators(batches, draw)
+        losses["loss_g"] = self._update_generator(x, batches, progress)
+        self._finish_step(progress, losses, batches[0])
+
+    def _codes(self, draw: int) -> Tensor:
+        rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")
+        return self.state.generator.draw(self.recipe.batch // self.recipe.views_per_sample, rng).to(self.state.device)
+
+    def _generate(self, code: Tensor) -> Tensor:
+        with self._autocast():
+            return self.forward(code).float()
+
+    def _project(self, x: Tensor, draw: int) -> list[Batch]:
+        """Pair samples, each as often as it is projected, with real images, in every panel."""
+        repeated = x.repeat_interleave(self.recipe.views_per_sample, 0) if self.recipe.views_per_sample > 1 else x
+        return [self._batch(panel, repeated, draw, index) for index, panel in enumerate(self.state.panels)]
+
+    def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
+        recipe, ranks = self.recipe, self.distribution
+        rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
+        fake = panel.assignment.project(x, rows, latents_rng(recipe.seed, draw, index, ranks.rank))
+        real = panel.panel.batch(rows).to(fake)
+        if recipe.augmentation is not None:
+            rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
+            real, fake = recipe.augmentation(real, rng), recipe.augmentation(fake, rng)
+        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device))
+
+    def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
+        recipe, state = self.recipe, self.state
+        state.discriminators.requires_grad_(True)
+        penalise = recipe.penalty is not None and draw % recipe.penalty.every == recipe.penalty.every - 1
+        total, penalty = torch.zeros((), device=state.device), torch.zeros((), device=state.device)
+        for index, batch in enumerate(batches):
+            with self._autocast():
+                # One concatenated forward: batch statistics see both kinds of image, spectral vectors move once.
+                images = torch.cat([batch.real, batch.fake.detach()])
+                logits = batch.panel.discriminator(images, batch.head.repeat(2))
+            real, fake = logits.float().chunk(2)
+            total = total + recipe.loss.discriminator(real, fake)
+            batch.real_logits = real.detach()
+            if penalise and recipe.penalty is not None:
+                rng = generator_at(recipe.seed, draw, f"penalty/{index}/{self.distribution.rank}")
+                found = recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)
+                penalty = penalty + batch.panel.panel.penalty_scale * found
+        self._apply(state.discriminators, state.discriminator_optimiser, total + penalty)
+        return {"loss_d": total.detach()} | ({"penalty": penalty.detach()} if penalise else {})
+
+    def _update_generator(self, x: Tensor, batches: list[Batch], progress: float) -> Tensor:
+        recipe, state = self.recipe, self.state
+        # The discriminators' own gradients are not needed here; without them the pass takes a third less.
+        state.discriminators.requires_grad_(False)
+        losses = []
+        for batch in batches:
+            with self._autocast():
+                fake = batch.score(batch.fake)
+            losses.append(recipe.loss.generator(batch.real_logits, fake.float()))
+        measure = recipe.balance_every > 0 and len(batches) > 1 and state.counters.step % recipe.balance_every == 0
+        total, loss = balanced_loss(state, losses, self.distribution if measure else None)
+        extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
+        for panel in state.panels:
+            extra = extra + panel.assignment.loss()
+        self._apply(state.generator, state.generator_optimiser, loss + extra)
+        for panel in state.panels:
+            panel.assignment.update(self.distribution.average_gradients)
+        return total
+
+    def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
+        optimiser.zero_grad()
+        loss.backward()
+        self.distribution.average_gradients(module)
+        optimiser.step()
+
+    def _finish_step(self, progress: float, losses: dict[str, Tensor], batch: Batch) -> None:
+        """Average the weights, and now and then check, log and save."""
+        counters = self.state.counters
+        counters.step += 1
+        self.state.update_average(self.recipe.ema_half_life)
+        counters.seconds = time.monotonic() - self.began
+        if counters.step % EVERY == 0:
+            numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
+            ratio = self.distribution.average(diversity(batch.real, batch.fake.detach()))
+            counters.collapsed = check(counters.step, numbers, ratio, counters.collapsed)
+            self.record(**{k: round(v, 6) for k, v in numbers.items()}, **self._assignment_log())
+            self.recorder.show(progress, f"step {counters.step}")
+        if counters.step % self.recipe.checkpoint_every == 0:
+            self.save()
+
+    def _assignment_log(self) -> dict[str, Any]:
+        """Return the fields of all assignments, those of further panels with the panel's number."""
+        logs = [panel.assignment.log() for panel in self.state.panels]
+        return {(f"{name}/{i}" if i else name): value for i, log in enumerate(logs) for name, value in log.items()}
+
+    def _assign(self, progress: float) -> bool:
+        """Let each panel's assignment act; False if one was interrupted."""
+        for index, panel in enumerate(self.state.panels):
+            if not panel.assignment.before_step(TrainingContext(self, progress, index)):
+                self.saved_at = None
+                return False
+        return True
+
+    def progress(self) -> float:
+        """Return the part of the budget spent, by the first process's clock, so that all processes agree."""
+        seconds = time.monotonic() - self.began
+        return self.distribution.average(self.recipe.progress(self.state.counters.step, seconds))
+
+    def stopping(self) -> bool:
+        """Whether any process was asked to stop, so that all stop at the same instant."""
+        return self.distribution.agree(self.asked_to_stop())
+
+    def record(self, **fields: Any) -> None:
+        """Write a line to the log."""
+        self.state.counters.seconds = time.monotonic() - self.began
+        self.recorder.write(self.state.counters.step, self.state.counters.seconds, **fields)
+
+    def restart(self) -> None:
+        """Start generator and discriminators from new weights."""
+        self.state.restart()
+        self.forward = self._compiled()
+
+    def save(self) -> None:
+        """Write a checkpoint and a picture, unless this step has them. Raises Diverged if anything is not finite."""
+        counters = self.state.counters
+        if self.saved_at == counters.step:
+            return
+        counters.seconds = time.monotonic() - self.began
+        counters.lines = self.recorder.lines
+        tensors = self.state.tensors()
+        check_finite(counters.step, tensors, self.distribution.agree)
+        if self.distribution.leads:
+            checkpoint.save(self.out / "checkpoints", counters.step, tensors)
+            samples = self.state.average.sample(self.state.domain.previewed, seed=0)
+            self.state.domain.write_preview(samples, self.out / "samples" / f"step-{counters.step:09d}.png")
+        self.distribution.barrier()
+        self.saved_at = counters.step
+
+    def _compiled(self) -> Callable[[Tensor], Tensor]:
+        """Compile the generator if asked for and possible: torch needs a compiler on processors."""
+        generator = self.state.generator
+        possible = self.state.device.type == "cuda" or any(map(shutil.which, (os.environ.get("CXX", "g++"), "clang++")))
+        return torch.compile(generator) if self.recipe.compile and possible else generator
+
+    def _autocast(self) -> torch.autocast:
+        return torch.autocast(self.state.device.type, torch.bfloat16, enabled=self.recipe.precision == "bfloat16")
+
+    def _set_rates(self, progress: float) -> None:
+        state, recipe = self.state, self.recipe
+        for optimiser, settings in (
+            (state.generator_optimiser, recipe.generator_optimiser),
+            (state.discriminator_optimiser, recipe.discriminator_optimiser),
+        ):
+            optimiser.param_groups[0]["lr"] = settings.rate_at(progress) * state.counters.rate_scale
+
+
+class TrainingContext:
+    """What the trainer offers an assignment before a step: `assignment.Context`."""
+
+    def __init__(self, trainer: Trainer, progress: float, panel: int) -> None:
+        self._trainer, self.progress, self._panel = trainer, progress, panel
+        self.stopping, self.restart = trainer.stopping, trainer.restart
+        self.subtask = trainer.recorder.subtask
+
+    @property
+    def step(self) -> int:
+        return self._trainer.state.counters.step
+
+    @property
+    def generator(self) -> Generator:
+        return self._trainer.state.average
+
+    @property
+    def device(self) -> torch.device:
+        return self._trainer.state.device
+
+    def save(self) -> None:
+        self._trainer.saved_at = None
+        self._trainer.save()
+
+    def record(self, **fields: Any) -> None:
+        panel = {"panel": self._panel} if self._panel else {}
+        self._trainer.record(**fields, **panel)
+
+    def synchronise(self, tensors: Iterable[Tensor]) -> None:
+        self._trainer.distribution.copy_from_leader(tensors)
+
+
+class Batch:
+    """What one panel's discriminator sees at one update: pairs of real and generated images, each with its head."""
+
+    def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor) -> None:
+        self.panel, self.real, self.fake, self.head = panel, real, fake, head
+        self.real_logits = torch.empty(0)
+
+    def score(self, images: Tensor) -> Tensor:
+        """Return the logits of one image a pair."""
+        return self.panel.discriminator(images, self.head)

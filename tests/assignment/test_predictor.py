@@ -1,0 +1,124 @@
+"""The view predictor: classes that can be separated are learned, a fit is a function of the seed, rounds are due."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor, nn
+from torch.optim.optimizer import register_optimizer_step_pre_hook
+
+from unproject._random import generator_at, seeded
+from unproject._types import UserError
+from unproject.assignment import PredictorFit, Rounds
+from unproject.networks import ViewPredictor
+
+SMALL = partial(ViewPredictor, channels=4)
+
+
+def quadrants(n: int = 256) -> tuple[Tensor, Tensor]:
+    """Noisy images with one bright quadrant, and which."""
+    way = torch.randint(4, (n,), generator=generator_at(0, 0, "ways"))
+    images = 0.3 * torch.rand(n, 1, 16, 16, generator=generator_at(0, 0, "noise"))
+    for i, w in enumerate(way.tolist()):
+        images[i, 0, 8 * (w // 2) :, 8 * (w % 2) :][:8, :8] += 0.6
+    return images, way
+
+
+def trained(fit: PredictorFit, images: Tensor, views: Tensor) -> tuple[nn.Module, float]:
+    with seeded(0, "predictor"):
+        predictor = fit.network((1, 16, 16), 4)
+    return predictor, fit.fitted(predictor, images, views, seed=0)
+
+
+def test_separable_classes_are_learned_at_once() -> None:
+    images, views = quadrants()
+    predictor, loss = trained(PredictorFit(SMALL, steps=40, batch=32), images, views)
+    assert not predictor.training and loss < 0.4
+    assert (predict(predictor, images).argmax(1) == views).float().mean() > 0.97
+
+
+def test_shuffled_labels_are_not_learned() -> None:
+    images, views = quadrants()
+    _, loss = trained(PredictorFit(SMALL, steps=40, batch=32), images, views.flip(0))
+    assert loss > 0.8
+
+
+def test_training_is_a_function_of_the_seed() -> None:
+    images, views = quadrants()
+    fit = PredictorFit(SMALL, steps=25, batch=16)
+    first, loss = trained(fit, images, views)
+    torch.manual_seed(99)
+    second, again = trained(fit, images, views)
+    assert loss == again
+    assert all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
+
+
+def test_the_learning_rate_falls_to_zero() -> None:
+    rates: list[float] = []
+    watch = register_optimizer_step_pre_hook(lambda adam, *_: rates.append(adam.param_groups[0]["lr"]))
+    try:
+        trained(PredictorFit(SMALL, steps=4, batch=8, learning_rate=1.0), *quadrants(8))
+    finally:
+        watch.remove()
+    assert rates == [1.0, 0.75, 0.5, 0.25]
+
+
+class Spy(ViewPredictor):
+    def __init__(self, shape: tuple[int, ...], bins: int) -> None:
+        super().__init__(shape, bins, channels=2)
+        self.seen: list[Tensor] = []
+
+    def forward(self, image: Tensor) -> Tensor:
+        self.seen.append(image.detach())
+        return super().forward(image)
+
+
+def predict(predictor: nn.Module, images: Tensor, batch: int = 512) -> Tensor:
+    return PredictorFit(SMALL).probabilities(predictor, images.split(batch))
+
+
+@pytest.mark.parametrize("binarise", [True, False])
+def test_projections_are_binarised_if_asked(binarise: bool) -> None:
+    predictor, _ = trained(PredictorFit(Spy, steps=3, batch=16, binarise=binarise), *quadrants())
+    assert isinstance(predictor, Spy) and predictor.seen[0].shape == (16, 1, 16, 16)
+    assert (set(torch.cat(predictor.seen).unique().tolist()) == {0.0, 1.0}) == binarise
+
+
+def test_prediction_by_chunks_is_prediction() -> None:
+    predictor, images = Spy((1, 16, 16), 4).eval(), quadrants(10)[0]
+    whole, parts = predict(predictor, images), predict(predictor, images, batch=3)
+    assert [len(seen) for seen in predictor.seen] == [10, 3, 3, 3, 1]
+    torch.testing.assert_close(whole, parts)
+    torch.testing.assert_close(whole.sum(1), torch.ones(10))
+    assert not whole.requires_grad
+
+
+@pytest.mark.parametrize(
+    "wrong, message",
+    [
+        ({"starts": (0.5, 0.2)}, "increasing"),
+        ({"starts": (0.2, 0.2)}, "increasing"),
+        ({"starts": (0.0, 0.5)}, "between 0 and 1"),
+        ({"starts": (0.5, 1.0)}, "between 0 and 1"),
+    ],
+    ids=str,
+)
+def test_wrong_rounds_are_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        Rounds(**wrong)
+
+
+@pytest.mark.parametrize("name", ["steps", "images", "batch"])
+def test_fits_of_nothing_are_refused(name: str) -> None:
+    with pytest.raises(UserError, match=f"{name}=0"):
+        PredictorFit(SMALL, **{name: 0})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("starts", [(), (0.5,), (0.1, 0.2, 0.9)])
+def test_rounds_are_due_from_their_starts_on(starts: tuple[float, ...]) -> None:
+    rounds = Rounds(starts)
+    assert rounds.due(0.0) == 0 and rounds.due(1.0) == len(starts)
+    assert rounds.due(0.5) == sum(start <= 0.5 for start in starts)
