@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import torch
 from torch import Tensor, nn
@@ -29,7 +29,12 @@ class Assignment(ABC):
     """How the images of a panel are assigned to its observations, and how generated samples are observed.
 
     Subclass it, as a frozen dataclass, for an assignment of your own: `begin` returns the state of a run.
+
+    Attributes:
+        projected_at_once: images that it projects at once between steps, for the estimate of memory.
     """
+
+    projected_at_once: ClassVar[int] = 0
 
     def heads(self, panel: Panel) -> int:
         """Return how many heads the discriminator has (default: one an observation)."""

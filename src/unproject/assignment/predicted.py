@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -67,6 +68,7 @@ class Predicted(Assignment):
         initialiser: gives responsibilities for round 0 (default: none, uniformly random views and one head).
     """
 
+    projected_at_once: ClassVar[int] = CHUNK
     rounds: Rounds = field(default_factory=Rounds)
     fit: PredictorFit = field(default_factory=PredictorFit)
     estimator: Estimator = field(default_factory=Estimator)

@@ -38,7 +38,7 @@ def read_sightings(path: Path, name: str, size: int, strict: bool = False) -> Re
         sorted(f for f in folder.rglob("*") if f.suffix.lower() in (*SUFFIXES, *FLOATING)) if folder.is_dir() else []
     )
     if not files:
-        raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of --looks")
+        raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of --observations")
     found: dict[str, Tensor] = {}
     skipped: dict[str, str] = {}
     for file in files:
