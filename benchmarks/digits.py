@@ -27,11 +27,9 @@ from torch import Tensor
 
 from unproject.data import Collection
 from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
-from unproject.recipes import rebuild
 from unproject.reproduce.result import provenance
-from unproject.training import Origin, load
-from unproject.training.evaluation import assigned_accuracy, assigned_panel, free_turns, supervised_ceiling, true_views
-from unproject.training.run_directory import read_recipe
+from unproject.training import load
+from unproject.training.evaluation import accuracy_of, supervised_ceiling, true_views, turns_of
 
 ARMS = ("known", "predicted", "direct")
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "digits"
@@ -86,16 +84,15 @@ def train(arm: str, seed: int, options: argparse.Namespace) -> None:
 
 def score(arm: str, seed: int, options: argparse.Namespace, training: Tensor, test: Tensor) -> None:
     run = load(options.runs / f"{arm}-{seed}")
-    stored = read_recipe(run.path)
-    recipe = rebuild(Origin(stored["recipe"], stored["arguments"]))
-    panel = assigned_panel(run, recipe)
-    turns = free_turns(recipe, panel)
+    recipe = run.recipe()
+    (state,) = run.assignments(recipe)
+    turns = turns_of(run.domain, [state])
     generated = run.generator.sample(SCORED, seed)
     scores = image_scores(generated, test, selection=training, bins=turns and turns * FINER, seed=seed)
-    true = true_views(recipe, panel)
+    true = true_views(state.panel)
     if arm == "predicted" and true is not None:
-        found = assigned_accuracy(panel, panel.ways, true)
-        scores |= view_scores(found, supervised_ceiling(panel, true, recipe.seed), seed)
+        found = accuracy_of(run.domain, state.panel, state.views, true)
+        scores |= view_scores(found, supervised_ceiling(run.domain, state.panel, true, recipe.seed), seed)
         confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.webp")
     about = {"arm": arm, "seed": seed, "steps": run.step} | provenance(run.path)
     write(result(arm, seed), {**about, "scores": as_dict(scores)})

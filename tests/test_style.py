@@ -13,7 +13,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "tests", "benchmarks", "docs", "examples")
 MODULES = sorted((ROOT / "src").rglob("*.py"))
-LONGEST_FUNCTION, LONGEST_MODULE, MOST_PARAMETERS = 60, 400, 9
+LONGEST_FUNCTION, LONGEST_MODULE, MOST_PARAMETERS = 50, 350, 9
+LONGER = {"unproject/recipes/materials.py": 370}
+"""Module → its limit, where the common one cannot be kept; a limit that is no longer needed fails a test."""
 
 # Written in two pieces so that this file does not hold what it looks for.
 MACHINE_PATH = re.compile("|".join(["/wor" + "k/", "/ho" + "me/", "/ro" + "ot/", "/op" + "t/", "/Us" + "ers/"]))
@@ -49,16 +51,22 @@ def parameters(function: Function) -> int:
     return len([name for name in named if name not in ("self", "cls")])
 
 
-def faults(text: str) -> list[str]:
+def faults(text: str, longest: int = LONGEST_MODULE) -> list[str]:
     found = [f"{f.name} has {length(f)} lines" for f in functions(text) if length(f) > LONGEST_FUNCTION]
     found += [f"{f.name} takes {parameters(f)} parameters" for f in functions(text) if parameters(f) > MOST_PARAMETERS]
     lines = len(text.splitlines())
-    return found + ([f"the module has {lines} lines"] if lines > LONGEST_MODULE else [])
+    return found + ([f"the module has {lines} lines"] if lines > longest else [])
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(ROOT / "src").as_posix())
 def test_functions_and_modules_are_small(path: Path) -> None:
-    assert faults(path.read_text(encoding="utf-8")) == []
+    longest = LONGER.get(path.relative_to(ROOT / "src").as_posix(), LONGEST_MODULE)
+    assert faults(path.read_text(encoding="utf-8"), longest) == []
+
+
+def test_only_modules_that_need_it_may_be_longer() -> None:
+    lengths = {name: len((ROOT / "src" / name).read_text(encoding="utf-8").splitlines()) for name in LONGER}
+    assert all(LONGEST_MODULE < lengths[name] <= longest for name, longest in LONGER.items())
 
 
 def test_the_median_function_is_short() -> None:
@@ -81,7 +89,7 @@ def written() -> Iterator[Path]:
             hidden = {"node_modules", "__pycache__"} & set(path.parts) or ".egg-info" in str(path)
             if path.is_file() and path.suffix in kinds and not hidden:
                 yield path
-    yield from (path for path in ROOT.iterdir() if path.is_file() and path.suffix in kinds)
+    yield from (path for path in ROOT.iterdir() if path.is_file() and path.suffix in kinds and path.name != ".git")
 
 
 def test_no_path_of_a_machine() -> None:
@@ -92,8 +100,8 @@ def test_no_path_of_a_machine() -> None:
 def test_the_rules_catch_what_breaks_them() -> None:
     many = ", ".join(f"a{i}" for i in range(MOST_PARAMETERS + 1))
     body = "\n".join(["    x = 1"] * LONGEST_FUNCTION)
-    assert faults(f"def f({many}): pass") == ["f takes 10 parameters"]
-    assert faults(f"def f():\n{body}") == ["f has 61 lines"]
-    assert faults("\n" * (LONGEST_MODULE + 1)) == ["the module has 401 lines"]
+    assert faults(f"def f({many}): pass") == [f"f takes {MOST_PARAMETERS + 1} parameters"]
+    assert faults(f"def f():\n{body}") == [f"f has {LONGEST_FUNCTION + 1} lines"]
+    assert faults("\n" * (LONGEST_MODULE + 1)) == [f"the module has {LONGEST_MODULE + 1} lines"]
     assert faults('def f():\n    """' + "long\n" * 100 + '    """') == []
     assert MACHINE_PATH.search("see /wor" + "k/data")

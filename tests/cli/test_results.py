@@ -25,7 +25,7 @@ TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """A short run for each of the ways in which views are known."""
+    """A short run for each assignment of views."""
     made: dict[str, Path] = {}
 
     def run(views: str) -> Path:
@@ -78,9 +78,9 @@ def test_the_seed_says_which_and_n_how_many(runs: Callable[[str], Path], tmp_pat
 def test_a_run_of_the_package_needs_no_trust(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("unproject.recipes.shapes.EMBEDDED_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
     run = tmp_path / "run"
-    small = ["--size", "16", "--bins", "2", "--looks-per-shape", "2", "--channels", "8", "--rank", "2", "--batch", "4"]
+    small = ["--size", "16", "--bins", "2", "--views-per-shape", "2", "--channels", "8", "--rank", "2", "--batch", "4"]
     flags = ["--views", "known", "--steps", "1", "--quiet"]
     assert main(["train", "shapes", *small, *flags, "--out", str(run)]) == 0
     assert main(["resume", str(run), "--steps", "2", "--quiet"]) == 0
@@ -238,7 +238,6 @@ def small_demo(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.recipes.shapes.shapes", recipe)
     monkeypatch.setattr("unproject.export.turntable", partial(turntable, frames=3))
     monkeypatch.setattr("unproject.networks.Generator.sample", boxes)
-    monkeypatch.setattr("unproject.training.loop.save_samples", lambda generator, path: None)
 
 
 def test_the_demo_leaves_pictures_and_meshes(

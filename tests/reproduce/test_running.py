@@ -21,7 +21,7 @@ from unproject import reproduce as package
 from unproject._types import UserError
 from unproject.cli import main
 from unproject.data.procedural.materials.correlated import build_correlated
-from unproject.reproduce import Arm, Claim, Figure, Settings, running, scoring
+from unproject.reproduce import Arm, Claim, Figure, Settings, running
 from unproject.reproduce.material_sources import PROBES, photographed
 from unproject.reproduce.place import Place
 from unproject.reproduce.running import is_finished
@@ -46,7 +46,7 @@ TOY = Figure(
 def toy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(package.FIGURES, "toy", TOY)
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | dict(arm.flags))
-    monkeypatch.setitem(scoring.COUNTS, "image", 64)
+    monkeypatch.setattr("unproject.domains.Images.scored", 64)
 
 
 def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -196,8 +196,8 @@ def test_octave_scores_know_the_design() -> None:
 
 
 def test_images_are_grouped_by_view() -> None:
-    images, ways = torch.arange(30.0).view(30, 1, 1, 1), torch.tensor([0] * 20 + [2] * 10)
-    rows = grouped(images, ways, 3).view(3, -1)
+    images, views = torch.arange(30.0).view(30, 1, 1, 1), torch.tensor([0] * 20 + [2] * 10)
+    rows = grouped(images, views, 3).view(3, -1)
     assert rows.shape == (3, 12) and rows[0].tolist() == list(range(12)) and rows[1].eq(0).all()
     assert rows[2, :10].tolist() == list(range(20, 30)) and rows[2, 10:].eq(0).all()
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -30,6 +30,9 @@ class Assignment(ABC):
 
     Subclass it, as a frozen dataclass, for an assignment of your own: `begin` returns the state of a run.
 
+    Attributes:
+        projected_at_once: images that it projects at once between steps, for the estimate of memory.
+
     Example:
         >>> import torch, unproject as up
         >>> class AllFirst(up.Assignment):
@@ -40,6 +43,8 @@ class Assignment(ABC):
         >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views
         tensor([0, 0, 0])
     """
+
+    projected_at_once: ClassVar[int] = 0
 
     def heads(self, panel: Panel) -> int:
         """Return how many heads the discriminator has (default: one an observation)."""

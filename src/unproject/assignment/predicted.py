@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -82,6 +83,7 @@ class Predicted(Assignment):
         torch.Size([6])
     """
 
+    projected_at_once: ClassVar[int] = CHUNK
     rounds: Rounds = field(default_factory=Rounds)
     fit: PredictorFit = field(default_factory=PredictorFit)
     estimator: Estimator = field(default_factory=Estimator)

@@ -84,7 +84,7 @@ def recipe_options(factory: Callable[..., Any]) -> Callable[..., dict[str, Any]]
     text = docstring_parser.parse(inspect.getdoc(Recipe) or "")
 
     def options(**given: Any) -> dict[str, Any]:
-        return {name: value for name, value in given.items() if value not in (None, False)}
+        return {name: value for name, value in given.items() if value is not None and value is not False}
 
     free = {name: bool if kind is bool else kind | None for name, kind in kinds.items() if name not in taken}
     vars(options)["__signature__"] = inspect.Signature(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from .._types import UserError
+from ._machine import warn_if_empty
 from ._materials import read_maps
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def run(
     /,
     *,
     out: Path,
-    to: Literal["glb", "obj", "ply", "vox", "npz", "png", "gif", "maps", "mtlx", "gltf"] = "glb",
+    to: str = "glb",
     n: int | None = None,
     seed: int = 0,
     faces: int | None = None,
@@ -37,7 +38,7 @@ def run(
         out: The file (with the format's suffix) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
             turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
-            planes).
+            planes); of a domain of your own what it exports.
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
@@ -48,6 +49,8 @@ def run(
         size: Resample folders of textures to so many pixels a side.
         trust: Import the generator's code although it is not of this package.
     """
+    import torch
+
     from ..training.run_directory import naming
 
     found = _found(source, n, seed, trust, size)
@@ -58,6 +61,8 @@ def run(
     with naming(out):
         written = found.domain.exporters[to](x, out, **options)
     _report(written)
+    if to == "png":
+        warn_if_empty(found.domain, torch.as_tensor(x))
     for name, why in found.skipped:
         print(f"skipped {name}: {why}", file=sys.stderr)
     if found.skipped:

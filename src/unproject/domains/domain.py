@@ -56,6 +56,10 @@ class Domain(ABC):
     def preview(self, x: Tensor) -> Image.Image:
         """Draw samples x (N, ...) as one picture."""
 
+    def is_empty(self, x: Tensor) -> bool:
+        """Whether there is nothing to be seen in any of these samples."""
+        return False
+
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         """Return samples as the arrays that `unproject sample` writes."""
         return {self.name: x.numpy()}

@@ -38,6 +38,9 @@ class Images(Domain):
     def preview(self, x: Tensor) -> Image.Image:
         return export.silhouette_sheet(x, scale=2)
 
+    def is_empty(self, x: Tensor) -> bool:
+        return not bool((x > 0.5).any())
+
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return image_scores(x, reference, bins=turns, seed=seed)
 

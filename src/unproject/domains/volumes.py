@@ -42,6 +42,9 @@ class Volumes(Domain):
     def preview(self, x: Tensor) -> Image.Image:
         return export.contact_sheet(x, size=96)
 
+    def is_empty(self, x: Tensor) -> bool:
+        return not bool((x > 0.5).any())
+
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return shape_scores(x, reference, bins=turns, seed=seed)
 

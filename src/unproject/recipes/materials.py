@@ -57,6 +57,7 @@ from ..projections.rendering import Rendering, rendering_prior
 from ..projections.selection import Selection
 from ..projections.standardised import SCALE, standardised
 from ..training import Adam, Options, Recipe, resumable
+from ..training.estimate import require_memory
 
 Materials = Callable[[int, int, int], Tensor]
 """(count, size, seed) → maps (count, 8, size, size) of a procedural data set."""
@@ -233,6 +234,7 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int) ->
     def images(observation: Observation, count: int) -> Tensor:
         own = derived_seed(seed, 0, f"materials/{observation.name}")
         if found is None:
+            require_memory(64 * count * size**2, f"making {count} materials", "lower --size or --maps, or give --data")
             x = procedural(count, size, own)
         elif found.shape[-1] == size:
             x = _first(found, count, own)

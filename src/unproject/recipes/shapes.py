@@ -23,6 +23,7 @@ from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training import Adam, Options, Recipe, resumable
+from ..training.estimate import require_memory
 from .pairing import Views, five_rounds, frequent_rounds, panel_of
 
 PROCEDURAL_CHAIRS = 1000
@@ -216,6 +217,8 @@ def silhouettes_of(
 def read_or_make(data: Path | None, size: int) -> Collection:
     """Read the collection of a path; without one, make procedural chairs."""
     if data is None:
+        made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels"
+        require_memory(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
         return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
     found = read(data, size=size)
     if found.items.dim() != 4:

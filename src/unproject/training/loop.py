@@ -14,7 +14,7 @@ from .recovery import roll_back
 from .run import Run
 from .signals import stop_request
 from .state import State
-from .trainer import Trainer
+from .trainer import Interrupted, Trainer
 
 
 def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool = False) -> Run:
@@ -120,6 +120,11 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
                 if going:
                     trainer.step()
                 else:
+                    trainer.save()
+            except Interrupted:
+                going = False
+                trainer.undo()
+                if trainer.state.counters.step:  # else there is nothing to go on from
                     trainer.save()
             except Diverged as trouble:
                 roll_back(trainer, trouble)

@@ -167,6 +167,18 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     return Run(path, generator.eval().to(torch.device(device)), step, domain)
 
 
+def is_foreign(path: Path) -> bool:
+    """Whether loading the run imports code outside this package, which needs `trust`."""
+    resolved = read_recipe(path)["resolved"]
+    parts = [(resolved.get("generator"), "call"), (resolved.get("domain"), "type")]
+    return any(_outside(str(part.get(key))) for part, key in parts if part)
+
+
+def _outside(name: str) -> bool:
+    """Whether `module:name` is of another package."""
+    return name.partition(":")[0].partition(".")[0] != "unproject"
+
+
 def _build_domain(path: Path, described: Any, trust: bool) -> Domain:
     if not isinstance(described, Mapping) or "type" not in described:
         raise UserError(f"{path}: recipe.json does not say how to build the domain; restore the file")
@@ -183,7 +195,7 @@ def _build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
     except (TypeError, KeyError) as error:
         raise UserError(f"{path}: recipe.json does not say how to build the {name}; restore the file") from error
     module, _, attribute = where.partition(":")
-    if not trust and module.partition(".")[0] != "unproject":
+    if not trust and _outside(where):
         raise UserError(f"{path}: its {name} is {where}, code outside unproject; add --trust if you wrote it")
     try:
         build: Any = import_module(module)
