@@ -27,7 +27,8 @@ from torch import Tensor
 from unproject.data import observe
 from unproject.metrics import patch_distance
 from unproject.ops.maps import MAPS, luminance, pack_maps, unpack_maps
-from unproject.recipes.materials import PROCEDURAL, VIEWED_FROM, natural_light, observation_of
+from unproject.recipes.material_panels import VIEWED_FROM, natural_light, observation_of
+from unproject.recipes.materials import PROCEDURAL
 from unproject.training.run_directory import environment
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "materials"

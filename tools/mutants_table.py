@@ -435,8 +435,8 @@ LIGHT_AND_MAPS = (
     mutant(
         "isosurface: smoothing shrinks and does not grow back",
         "ops/isosurface.py",
-        "vertices = vertices - grow * (mean @ vertices - vertices)",
-        "vertices = vertices - 0 * grow * (mean @ vertices - vertices)",
+        "filter_taubin(mesh, shrink, grow, iterations=2 * rounds)",
+        "filter_laplacian(mesh, shrink, iterations=2 * rounds, volume_constraint=False)",
         "ops/test_isosurface.py",
     ),
     mutant(
@@ -1209,7 +1209,7 @@ FOUNDATIONS = (
         "training/health.py",
         "PATIENCE = 5",
         "PATIENCE = 6",
-        "training/test_health.py::test_a_collapse_is_five_dull_looks_in_a_row",
+        "training/test_health.py::test_a_collapse_is_five_checks_in_a_row",
     ),
     mutant(
         "health: an infinite loss passes",
@@ -1217,6 +1217,276 @@ FOUNDATIONS = (
         "if not math.isfinite(value):",
         "if math.isnan(value):",
         "training/test_health.py::test_losses_that_are_not_finite_are_named",
+    ),
+)
+
+TRAINER, VIEWS = "training/test_trainer.py", "recipes/test_predicting_views.py"
+PAPER, PANEL, RESUME = "recipes/test_paper_choices.py", "assignment/test_panel.py", "training/test_resume.py"
+PAIRED = f"{TRAINER}::test_samples_are_projected_in_the_views_of_the_images_they_are_paired_with"
+
+ASSIGNMENTS = (
+    mutant(
+        "predictor: labels are shifted by a bin",
+        "assignment/predicted.py",
+        "return torch.cat(projections)[:count], torch.cat(views)[:count]",
+        "return torch.cat(projections)[:count], (torch.cat(views)[:count] + 1) % len(self.panel.observations)",
+        f"{TRAINER}::test_the_predictor_learns_the_views_its_images_were_projected_in",
+    ),
+    mutant(
+        "predictor: labels are shuffled",
+        "assignment/predicted.py",
+        "return torch.cat(projections)[:count], torch.cat(views)[:count]",
+        "return torch.cat(projections)[:count], torch.cat(views)[:count].flip(0)",
+        VIEWS,
+    ),
+    mutant(
+        "predictor: fitted to labels of other rows",
+        "assignment/predictor.py",
+        "loss = F.cross_entropy(predictor(images[rows]), views[rows].to(images.device))",
+        "loss = F.cross_entropy(predictor(images[rows]), views[rows.flip(0)].to(images.device))",
+        "assignment/test_predictor.py",
+    ),
+    mutant(
+        "predictor: the learning rate does not fall",
+        "assignment/predictor.py",
+        "self.learning_rate * (1 - step / self.steps)",
+        "self.learning_rate * 1.0",
+        "assignment/test_predictor.py",
+    ),
+    mutant(
+        "assignment: samples are projected in another image's view",
+        "assignment/panel.py",
+        "return self.panel.project(x, self.views[rows], rng)",
+        "return self.panel.project(x, self.views[rows.flip(0)], rng)",
+        PAIRED,
+    ),
+    mutant(
+        "assignment: samples are projected in views drawn anew",
+        "assignment/panel.py",
+        "return self.panel.project(x, self.views[rows], rng)",
+        "return self.panel.project(x, self.draw_views(len(x), rng), rng)",
+        PAIRED,
+    ),
+    mutant(
+        "panel: latents of the first prior for all views",
+        "assignment/panel.py",
+        "theta = sample_each(priors, views, rng) if priors[0].names else {}",
+        "theta = sample_each(priors, views * 0, rng) if priors[0].names else {}",
+        f"{PANEL}::test_each_image_is_paired_with_its_own_view",
+    ),
+    mutant(
+        "panel: rows of further collections are off by one",
+        "assignment/panel.py",
+        "(self._ends[k - 1] if k else 0)",
+        "(self._ends[k - 1] + 1 if k else 0)",
+        f"{PANEL}::test_rows_run_through_the_collections",
+    ),
+    mutant(
+        "known: an image gets the last view that contains its latents",
+        "assignment/panel.py",
+        "return inside.long().argmax(1)",
+        "return inside.long().flip(1).argmax(1)",
+        f"{PANEL}::test_known_views_are_those_of_the_collections_or_of_the_latents",
+    ),
+    mutant(
+        "responsibilities: the least probable view is assigned",
+        "assignment/responsibilities.py",
+        "views = responsibilities.argmax(1)",
+        "views = responsibilities.argmin(1)",
+        "assignment/test_responsibilities.py",
+    ),
+    mutant(
+        "responsibilities: not normalised within the window",
+        "assignment/responsibilities.py",
+        "inside = inside / inside.sum(1, keepdim=True)",
+        "inside = inside / 1.0",
+        "assignment/test_responsibilities.py",
+    ),
+    mutant(
+        "responsibilities: balance is ignored",
+        "assignment/responsibilities.py",
+        "inside = balanced(inside, self.balance)",
+        "inside = balanced(inside, 0.0)",
+        "assignment/test_responsibilities.py",
+    ),
+    mutant(
+        "rounds: those that come too soon are made",
+        "assignment/predicted.py",
+        "run.step - self.last < rounds.least_steps",
+        "run.step - self.last < 0 * rounds.least_steps",
+        f"{TRAINER}::test_rounds_that_come_too_soon_are_left_out",
+    ),
+    mutant(
+        "rounds: an interrupted fit starts again",
+        "assignment/predicted.py",
+        "images, views, seed, int(self.fitted))",
+        "images, views, seed, 0)",
+        f"{RESUME}::test_an_assignment_goes_on_where_it_was",
+    ),
+    mutant(
+        "learned prior: no gradient reaches it",
+        "assignment/learned_prior.py",
+        "few - few.detach(), others",
+        "few.detach() - few.detach(), others",
+        "assignment/test_learned_prior.py",
+    ),
+    mutant(
+        "mean shape: the worst of several fits is taken",
+        "assignment/mean_shape.py",
+        "best = max(fits",
+        "best = min(fits",
+        "assignment/test_mean_shape.py",
+    ),
+)
+
+TRAINING = (
+    mutant(
+        "trainer: real images are scored by other heads",
+        "training/trainer.py",
+        "batch.head.repeat(2))",
+        "torch.cat([batch.head.flip(0), batch.head]))",
+        PAIRED,
+    ),
+    mutant(
+        "trainer: samples are scored by the wrong heads in the generator's update",
+        "training/trainer.py",
+        "return self.panel.discriminator(images, self.head)",
+        "return self.panel.discriminator(images, self.head.flip(0))",
+        PAIRED,
+    ),
+    mutant(
+        "trainer: the penalty sees generated images twice",
+        "training/trainer.py",
+        "recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)",
+        "recipe.penalty(batch.score, batch.fake.detach(), batch.fake.detach(), rng)",
+        f"{TRAINER}::test_the_penalty_is_of_real_and_of_generated_images",
+    ),
+    mutant(
+        "trainer: the penalty sees real images twice",
+        "training/trainer.py",
+        "recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)",
+        "recipe.penalty(batch.score, batch.real, batch.real, rng)",
+        f"{TRAINER}::test_the_penalty_is_of_real_and_of_generated_images",
+    ),
+    mutant(
+        "trainer: real images are not augmented",
+        "training/trainer.py",
+        "real, fake = recipe.augmentation(real, rng), recipe.augmentation(fake, rng)",
+        "real, fake = real, recipe.augmentation(fake, rng)",
+        f"{TRAINER}::test_discriminators_see_nothing_that_is_not_augmented",
+    ),
+    mutant(
+        "trainer: the codes of step 0 are drawn in each step",
+        "training/trainer.py",
+        'rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")',
+        'rng = generator_at(self.recipe.seed, 0, f"codes/{self.distribution.rank}")',
+        f"{TRAINER}::test_every_update_draws_anew",
+    ),
+    mutant(
+        "trainer: a panel's penalty scale is ignored",
+        "training/trainer.py",
+        "penalty + batch.panel.panel.penalty_scale * found",
+        "penalty + found",
+        f"{PANEL}::test_a_discriminator_is_penalised_as_its_panel_says",
+    ),
+    mutant(
+        "trainer: an assignment's loss is dropped",
+        "training/trainer.py",
+        "extra = extra + panel.assignment.loss()",
+        "extra = extra + 0 * panel.assignment.loss()",
+        "assignment/test_learned_prior.py",
+    ),
+    mutant(
+        "balancing: a panel's weight is ignored",
+        "training/balancing.py",
+        "balanced = balanced + panel.panel.weight / panel.gradient_norm * loss",
+        "balanced = balanced + 1 / panel.gradient_norm * loss",
+        f"{PANEL}::test_balanced_panels_contribute_alike",
+    ),
+    mutant(
+        "balancing: the gradient norm is ignored",
+        "training/balancing.py",
+        "balanced = balanced + panel.panel.weight / panel.gradient_norm * loss",
+        "balanced = balanced + panel.panel.weight * loss",
+        f"{PANEL}::test_balanced_panels_contribute_alike",
+    ),
+    mutant(
+        "state: the average is the current generator",
+        "training/state.py",
+        "rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0",
+        "rate = 1.0",
+        "training/test_state.py",
+    ),
+    mutant(
+        "state: a restart keeps the weights",
+        "training/state.py",
+        'with seeded(self.recipe.seed + 1, "weights"):',
+        'with seeded(self.recipe.seed, "weights"):',
+        f"{TRAINER}::test_restart_begins_round_1_with_fresh_networks_and_keeps_the_assignment",
+    ),
+    mutant(
+        "recovery: a rollback keeps the learning rate",
+        "training/recovery.py",
+        "counters.rate_scale / 2, 0",
+        "counters.rate_scale, 0",
+        "training/test_health.py",
+    ),
+    mutant(
+        "evaluation: the truth is scored in place of the estimate",
+        "training/evaluation.py",
+        "accuracy_of(domain, state.panel, estimated, true)",
+        "accuracy_of(domain, state.panel, true, true)",
+        "training/test_evaluation.py",
+        VIEWS,
+    ),
+)
+
+CHOICES = (
+    *(
+        mutant(f"shapes-paper: {name}", "recipes/shapes.py", old, new, PAPER)
+        for name, old, new in (
+            ("another optimiser", "Adam(1e-4, beta1=0.5, beta2=0.999)", "Adam(2e-4, beta1=0.5, beta2=0.999)"),
+            ("another penalty", "penalty=GradientPenalty(10.0) if", "penalty=GradientPenalty(1.0) if"),
+            ("no spectral norm", "spectral=True, slope=0.1", "spectral=False, slope=0.1"),
+            ("another loss", 'loss=Wasserstein() if loss == "wasserstein"', 'loss=Hinge() if loss == "wasserstein"'),
+            ("one discriminator update a generator update", "discriminator_steps=2", "discriminator_steps=1"),
+            ("fewer channels", "channels: int = 512", "channels: int = 256"),
+            ("soft silhouettes", "binary: bool = True", "binary: bool = not True"),
+        )
+    ),
+    *(
+        mutant(f"digits-paper: {name}", "recipes/digits.py", old, new, PAPER)
+        for name, old, new in (
+            ("another optimiser", "Adam(1e-4, beta1=0.5, beta2=0.999)", "Adam(1e-4, beta1=0.0, beta2=0.999)"),
+            ("another penalty", "GradientPenalty(10.0),", "None,"),
+            ("no spectral norm", "spectral=True, slope=0.1", "slope=0.1"),
+            ("another loss", "loss=Wasserstein(),", "loss=Relativistic(),"),
+            ("one discriminator update a generator update", "discriminator_steps=2", "discriminator_steps=1"),
+            ("fewer channels", "channels: int = 512", "channels: int = 256"),
+            ("fewer predictor steps", "predictor_steps: int = 100_000", "predictor_steps: int = 20_000"),
+        )
+    ),
+    *(
+        mutant(f"materials-paper: {name}", "recipes/materials.py", old, new, PAPER)
+        for name, old, new in (
+            ("another optimiser", "Adam(1e-4, beta1=0.5, beta2=0.9)", "Adam(1e-4, beta1=0.5, beta2=0.99)"),
+            ("another loss", "loss=Logistic(),", "loss=Relativistic(),"),
+            ("a penalty", "penalty=None,", "penalty=R1R2(1.0),"),
+            ("fewer channels", "channels: int = 512", "channels: int = 256"),
+        )
+    ),
+    *(
+        mutant(f"rounds of the paper: {name}", "recipes/pairing.py", old, new, PAPER)
+        for name, old, new in (
+            ("four of them", "(0.2, 0.4, 0.6, 0.8), restart=True", "(0.25, 0.5, 0.75), restart=True"),
+            ("no restart", "(0.2, 0.4, 0.6, 0.8), restart=True", "(0.2, 0.4, 0.6, 0.8)"),
+            ("predictors that go on", "fresh=True", "fresh=False"),
+            (
+                "another width of the predictor",
+                "partial(ViewPredictor, channels=32)",
+                "partial(ViewPredictor, channels=16)",
+            ),
+        )
     ),
 )
 
@@ -1235,28 +1505,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *METRICS,
     *LAWS,
     *FOUNDATIONS,
+    *ASSIGNMENTS,
+    *TRAINING,
+    *CHOICES,
 )
-
-PLANNED: tuple[str, ...] = (
-    "view predictor: labels are shifted by a bin",
-    "view predictor: labels are shuffled",
-    "view predictor: the prior of the views is not re-estimated",
-    "assignment: a generated image is rendered in another image's view",
-    "assignment: generated images are judged by the head of another view",
-    "assignment: a real image is judged by a head drawn at random",
-    "assignment: responsibilities do not sum to 1",
-    "initialiser: the best restart is the worst",
-    "training: the discriminator learns from the generator's loss",
-    "training: the generator's step updates the discriminator",
-    "training: the penalty sees images before augmentation",
-    "training: real images are not augmented",
-    "training: averaged weights are the current ones",
-    "training: a rollback keeps the learning rate",
-    "training: a resumed run draws the codes of step 0 again",
-    "training: a panel's weight is ignored",
-    "shapes-paper: optimiser, penalty, loss, spectral norm, ratio of steps, channels, rounds",
-    "digits-paper: optimiser, penalty, loss, spectral norm, ratio of steps, channels, rounds",
-    "materials-paper: optimiser, penalty, loss, spectral norm, ratio of steps, channels, rounds",
-    "recipes: a known assignment gives the next observation's data to a head",
-)
-"""Names of faults still to be written, of training/, assignment/ and recipes/."""

@@ -17,8 +17,7 @@ from unproject.cli.data import run
 from unproject.data import OBSERVATIONS, Collection, Framing, inspect, inspect_materials, wood
 from unproject.data.inspection import ENLARGED
 from unproject.ops.maps import unpack_maps
-from unproject.recipes import find
-from unproject.recipes import materials as recipes_of_materials
+from unproject.recipes import find, material_panels
 
 
 @pytest.fixture
@@ -169,8 +168,8 @@ def test_an_archive_of_maps_of_the_recipes_size_is_taken_as_it_is(tmp_path: Path
 
 
 def test_the_recipes_read_what_is_shown() -> None:
-    assert set(OBSERVATIONS) == {*recipes_of_materials.MAPS, *recipes_of_materials.VIEWED_FROM}
-    assert ENLARGED == recipes_of_materials.ENLARGED
+    assert set(OBSERVATIONS) == {*material_panels.MAPS, *material_panels.VIEWED_FROM}
+    assert ENLARGED == material_panels.ENLARGED
 
 
 def test_an_unknown_recipe_is_a_mistake(folder: Path) -> None:

@@ -21,16 +21,8 @@ from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
-from unproject.recipes.materials import (
-    MIRRORED,
-    VIEWED_FROM,
-    materials,
-    metal_materials,
-    mirrored,
-    observation_of,
-    wood_materials,
-    wood_paper,
-)
+from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
+from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.training import Recipe, resume, train
 from unproject.training.state import State
 

@@ -51,6 +51,11 @@ def test_wgan_gp_with_the_released_rates(function: Callable[..., Recipe]) -> Non
     assert recipe.augmentation is None and recipe.regulariser is None and recipe.precision == "float32"
 
 
+def test_rendered_silhouettes_are_binary() -> None:
+    images = made(shapes_paper, size=16).panels[0].collections[0].floats()
+    assert bool(((images == 0) | (images == 1)).all())
+
+
 def test_the_hinge_loss_has_no_gradient_penalty() -> None:
     recipe = made(shapes_paper, loss="hinge")
     assert recipe.loss == Hinge() and recipe.penalty is None

@@ -16,7 +16,8 @@ from ..data import Collection, material_patches, mixed_probes, observe, read_pro
 from ..domains import BUILT_IN
 from ..export.materials import to_srgb
 from ..ops.maps import MAPS
-from ..recipes.materials import PROCEDURAL, observation_of
+from ..recipes.material_panels import observation_of
+from ..recipes.materials import PROCEDURAL
 from .place import Draw, Flags, Place, Source, built_in
 
 MATERIALS = 500
