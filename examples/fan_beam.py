@@ -34,5 +34,4 @@ def scanner(*, seed: int = 0, steps: int = 3000) -> up.Recipe:
     scan, positions = FanBeam(), up.Bins("angle", 12).parts  # one projection, which all observations share
     observations = [up.Observation(f"source-{k}", scan, position) for k, position in enumerate(positions)]
     lines = observe(images(32), observations, each=4, chunk=500)
-    panel = up.Panel(observations, by_view(lines, observations))
-    return digits(seed=seed, steps=steps, batch=64).replace(panels=[panel])
+    return digits(seed=seed, steps=steps, batch=64).replace(panels=[up.Panel(*by_view(lines, observations))])

@@ -11,7 +11,7 @@ import pytest
 from unproject import export
 from unproject.cli import main
 from unproject.cli.export import run
-from unproject.domains import Maps, Volumes
+from unproject.domains import Images, Maps, Volumes
 
 
 @pytest.fixture
@@ -23,7 +23,8 @@ def samples(tmp_path):
 
 
 def test_the_formats_are_those_of_the_package():
-    assert typing.get_args(typing.get_type_hints(run)["to"]) == tuple({**Volumes().exporters, **Maps().exporters})
+    known = {**Volumes().exporters, **Images().exporters, **Maps().exporters}
+    assert set(typing.get_args(typing.get_type_hints(run)["to"])) == known.keys()
 
 
 @pytest.mark.parametrize("to", export.MATERIAL_FORMATS)

@@ -162,7 +162,9 @@ def test_scores_can_be_read_by_people_too(
     capsys.readouterr()
     assert main(["evaluate", str(runs("known")), "--trust", "--n", "8", "--reference", str(shapes)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) >= 3 and all(len(line.split()) > 3 for line in lines)
+    settings, scores = ([line for line in lines if line.startswith("  ") == inner] for inner in (False, True))
+    assert len(scores) >= 10 and all(float(line.split()[1]) >= 0 and len(line) < 120 for line in scores)
+    assert len(set(settings)) == len(settings) <= 6 and any("8 generated vs" in line for line in settings)
 
 
 @pytest.mark.parametrize(

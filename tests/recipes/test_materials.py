@@ -145,7 +145,7 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
     assert {name: panel.weight for name, panel in found.items()} == {"diffuse": 1.0, "top": 0.25, "grazing": 0.25}
     ours = wood_materials(observations=("top", "flash"), renderings=2, photograph_weight=2.5, **TOY)
     assert [panel.weight for panel in ours.panels] == [2.5, 2.5]
-    with pytest.raises(UserError, match="out of --observations"):
+    with pytest.raises(UserError, match="leave normal out of the observations"):
         wood_materials(data=tmp_path, observations=("normal", "top"), **TOY)
 
 

@@ -43,7 +43,8 @@ def test_memory_grows_with_the_batch(views: str) -> None:
     recipe = toy(views=views, batch=64)  # pyright: ignore[reportArgumentType]
     few, many = (estimate(recipe.replace(batch=batch), CPU) for batch in (256, 1024))
     fixed = MODULES + 5 * Trial(recipe, CPU, None).weights
-    assert 3 < (many.memory - fixed) / (few.memory - fixed) < 4.1
+    least = 2 if views == "predicted" else 3  # a view predictor projects as many images whatever the batch
+    assert least < (many.memory - fixed) / (few.memory - fixed) < 4.1
 
 
 def test_an_estimate_leaves_the_recipe_and_its_draws_alone() -> None:

@@ -53,7 +53,7 @@ def run(
 
     from ..training.run_directory import naming
 
-    found = _found(source, n, seed, trust, size)
+    found = _found(source, to, n, seed, trust, size)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options:
         options["fresnel"] = fresnel or found.fresnel
@@ -78,16 +78,18 @@ class Found(NamedTuple):
     skipped: tuple[tuple[str, str], ...] = ()
 
 
-def _found(source: Path, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
+def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
     """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
+    from .. import export
     from ..domains import BUILT_IN, domain_of_arrays
     from ..training import load
 
-    if (source / "recipe.json").exists():
+    textures = to in export.MATERIAL_FORMATS and source.suffix != ".npz"
+    if (source / "recipe.json").exists() or (source.suffix != ".npz" and not textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed), opened.domain)
     names = _names(source) if source.suffix == ".npz" else ()
-    if source.suffix != ".npz" or "diffuse" in names:
+    if textures or "diffuse" in names:
         maps, fresnel, skipped = read_maps(source, size)
         return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
     domain = domain_of_arrays(names)
