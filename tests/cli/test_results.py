@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -162,7 +163,9 @@ def test_scores_can_be_read_by_people_too(
     capsys.readouterr()
     assert main(["evaluate", str(runs("known")), "--trust", "--n", "8", "--reference", str(shapes)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) >= 3 and all(len(line.split()) > 3 for line in lines)
+    rows = [line.split() for line in lines if line.startswith("  ")]
+    assert len(rows) >= 3 and all(np.isfinite(float(value)) and measure for _, value, *measure in rows)
+    assert all(line.endswith(":") and len(line) > 10 for line in lines if not line.startswith(" "))
 
 
 @pytest.mark.parametrize(
@@ -250,6 +253,18 @@ def test_the_demo_leaves_pictures_and_meshes(
     assert len(list(out.rglob("*.glb"))) == 16
     assert "turntable.gif" in capsys.readouterr().out
     assert "holds a demo already" in refused("demo", "--out", out)
+
+
+def test_the_demos_help_names_what_it_writes(
+    small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--help"]) == 0
+    named = set(re.findall(r"[\w/]+\.(?:png|gif|glb)|\brun(?=/)", capsys.readouterr().out))
+    out = tmp_path / "demo"
+    assert main(["demo", "--minutes", "0.01", "--out", str(out)]) == 0
+    said = set(re.findall(r"[\w/]+\.(?:png|gif|glb)", capsys.readouterr().out.partition("demo: ")[2]))
+    assert len(named) == 5 and all((out / name.replace("NN", "00")).exists() for name in named | said)
+    assert {path.name for path in out.iterdir()} == {name.split("/")[0] for name in named}
 
 
 @pytest.mark.parametrize("flags", [["--minutes", "nan"], ["--minutes", "0"], ["--threads", "0"]])

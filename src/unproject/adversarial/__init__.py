@@ -1,0 +1,1 @@
+"""Adversarial training: losses, gradient penalties, augmentation and regularisers."""

@@ -1,0 +1,1 @@
+"""Projections: forward operators, priors over their latents, and observations."""
