@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -164,7 +165,7 @@ def test_scores_can_be_read_by_people_too(
     lines = capsys.readouterr().out.splitlines()
     settings, scores = ([line for line in lines if line.startswith("  ") == inner] for inner in (False, True))
     assert len(scores) >= 10 and all(float(line.split()[1]) >= 0 and len(line) < 120 for line in scores)
-    assert len(set(settings)) == len(settings) <= 6 and any("8 generated vs" in line for line in settings)
+    assert len(set(settings)) == len(settings) <= 7 and any("8 generated vs" in line for line in settings)
 
 
 @pytest.mark.parametrize(
@@ -252,6 +253,18 @@ def test_the_demo_leaves_pictures_and_meshes(
     assert len(list(out.rglob("*.glb"))) == 16
     assert "turntable.gif" in capsys.readouterr().out
     assert "holds a demo already" in refused("demo", "--out", out)
+
+
+def test_the_demos_help_names_what_it_writes(
+    small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--help"]) == 0
+    named = set(re.findall(r"[\w/]+\.(?:png|gif|glb)|\brun(?=/)", capsys.readouterr().out))
+    out = tmp_path / "demo"
+    assert main(["demo", "--minutes", "0.01", "--out", str(out)]) == 0
+    said = set(re.findall(r"[\w/]+\.(?:png|gif|glb)", capsys.readouterr().out.partition("demo: ")[2]))
+    assert len(named) == 5 and all((out / name.replace("NN", "00")).exists() for name in named | said)
+    assert {path.name for path in out.iterdir()} == {name.split("/")[0] for name in named}
 
 
 @pytest.mark.parametrize("flags", [["--minutes", "nan"], ["--minutes", "0"], ["--threads", "0"]])

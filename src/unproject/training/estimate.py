@@ -1,15 +1,15 @@
-"""Estimate: memory and seconds that a training step takes, found on two samples before training starts.
+"""Estimate: memory and seconds that a training step takes, found on a few samples before training starts.
 
-`Peak` counts the bytes of all tensors that are alive at once, on the processor by a dispatch mode. Of two samples let S
-be the peak of a training step, D that of drawing them, and P that of one projection of an image, both without a
-backward pass. With W bytes of weights and n samples a step,
+`Peak` counts the bytes of all tensors that are alive at once, on the processor by a dispatch mode. Let S_k be the peak
+of a training step of k samples; D that of drawing four and P that of projecting them, both without a backward pass.
+With W bytes of weights and n samples a step, v projections of each,
 
-    memory = 64 MiB + 5 W + (S - W) n / 2 + max(64 D / 2, c P)
+    memory = 64 MiB + 4 W + S_2 + (S_4 - S_2) (n - 2) / 2 + max(64 D / 4, c P / 4 v)
 
-64 MiB are modules that training imports; 5 W are weights, gradients, Adam's two moments, averages and checkpoints; W of
-S are gradients, which do not grow with n; samples are drawn 64 at a time; and c images are projected at once to fit a
-view predictor. The system's allocator keeps what a step has freed, so that drawing adds to it. Measured: see
-`tests/training/test_estimate.py`. Seconds grow with n / 2 too, which is too many where two samples leave cores idle.
+64 MiB are modules that training imports; 4 W are weights, Adam's two moments, averages and checkpoints; samples are
+drawn 64 at a time, and c images are projected at once to fit a view predictor. The system's allocator keeps what a step
+has freed, so that drawing adds to it. Measured: see `tests/training/test_estimate.py`. Seconds grow with n / 4: too
+many where four samples leave cores idle.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .._types import UserError
 from ..assignment import Panel
 from .recipe import Recipe
 
-SAMPLES = 2
+FEW, MORE = 2, 4
 DRAWN_AT_ONCE = 64
 GIB = 2**30
 MODULES = 64 * 2**20
@@ -97,30 +97,32 @@ def require_memory(need: int, what: str, instead: str, device: torch.device | No
 
 
 def estimate(recipe: Recipe, device: torch.device) -> Estimate:
-    """Estimate what a step takes, by a step of two samples.
+    """Estimate what a step takes, by steps of two and of four samples.
 
-    The trial ends once it shows that more than twice the available memory is needed; then the estimate is a bound.
+    A trial that takes half of the available memory is left; the estimate is a bound then.
     """
     there = available_memory(device)
+    trial = Trial(recipe, device, None if there is None else there // 2)
     samples = max(recipe.batch // recipe.views_per_sample, 1)
-    trial = Trial(recipe, device, None if there is None else 2 * there * SAMPLES // samples)
-    step, seconds = trial.measured(trial.step)
-    if seconds * samples > 10 and not trial.full:  # counting takes time, and so does what is built the first time
+    few, seconds = trial.measured(trial.step, FEW)
+    if trial.full:
+        return Estimate(few * samples // FEW, seconds * samples / FEW)
+    more, seconds = trial.measured(trial.step, MORE)
+    step = few + max(more - few, 0) * (samples - FEW) // (MORE - FEW)
+    if seconds * samples > 10:  # counting takes time
         began = time.monotonic()
         trial.step()
         seconds = time.monotonic() - began
-    drawn = trial.measured(trial.draw)[0] if not trial.full else 0
+    drawn = trial.measured(trial.draw, MORE)[0] * DRAWN_AT_ONCE // MORE
     at_once = max(panel.assignment.projected_at_once for panel in recipe.panels)
-    projected = trial.measured(trial.project)[0] if at_once and not trial.full else 0
-    drawn = drawn * DRAWN_AT_ONCE // SAMPLES
-    projected = projected * at_once // (SAMPLES * recipe.views_per_sample)
-    grows = (step - trial.weights) * samples // SAMPLES + max(drawn, projected)
-    seconds *= recipe.discriminator_steps * samples / SAMPLES
-    return Estimate(MODULES + 5 * trial.weights + grows, seconds)
+    images = MORE * recipe.views_per_sample
+    projected = trial.measured(trial.project, MORE)[0] * at_once // images if at_once else 0
+    seconds *= recipe.discriminator_steps * samples / MORE
+    return Estimate(MODULES + 4 * trial.weights + step + max(drawn, projected), seconds)
 
 
 class Trial:
-    """A step of two samples, on networks of its own.
+    """A step of a few samples, on networks of its own.
 
     Attributes:
         weights: bytes of the weights of all networks.
@@ -129,6 +131,7 @@ class Trial:
 
     def __init__(self, recipe: Recipe, device: torch.device, limit: int | None) -> None:
         self.recipe, self.device, self.limit, self.full = recipe, device, limit, False
+        self.samples = FEW
         with seeded(recipe.seed, "estimate"):
             self.generator = recipe.generator().to(device)
             self.discriminators = [
@@ -137,8 +140,9 @@ class Trial:
         networks = (self.generator, *self.discriminators)
         self.weights = sum(p.numel() * p.element_size() for network in networks for p in network.parameters())
 
-    def measured(self, part: Callable[[], None]) -> tuple[int, float]:
-        """Return the peak, in bytes, and the seconds of a part."""
+    def measured(self, part: Callable[[], None], samples: int) -> tuple[int, float]:
+        """Return the peak, in bytes, and the seconds of a part on so many samples."""
+        self.samples = samples
         peak, began = Peak(self.limit), time.monotonic()
         cuda = self.device.type == "cuda"
         if cuda:
@@ -153,7 +157,7 @@ class Trial:
         return most, time.monotonic() - began
 
     def draw(self) -> None:
-        self.generator.sample(SAMPLES, batch=SAMPLES)
+        self.generator.sample(self.samples, batch=self.samples)
 
     @torch.no_grad()
     def project(self) -> None:
@@ -166,8 +170,8 @@ class Trial:
             network.zero_grad()
 
     def _generated(self) -> Tensor:
-        """Return two samples, each as often as it is projected."""
-        code = self.generator.draw(SAMPLES, generator_at(0, 0, "estimate")).to(self.device)
+        """Return samples, each as often as it is projected."""
+        code = self.generator.draw(self.samples, generator_at(0, 0, "estimate")).to(self.device)
         with self._autocast():
             x = self.generator(code).float()
         return x.repeat_interleave(self.recipe.views_per_sample, 0)
