@@ -1,7 +1,7 @@
-"""Files that appear whole or not at all.
+"""Atomic writing of files.
 
-A process may be killed and a disk may fill up at any instant. `atomic_path` hands out a temporary sibling,
-and only a completely written, synchronised file ever takes the final name.
+A process may be killed and a disk may fill up at any instant. `atomic_path` gives a temporary file in the same folder;
+it is renamed to the final name only after it was written completely and synchronised to the disk.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from pathlib import Path
 
 @contextmanager
 def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
-    """`with atomic_path(final) as tmp: write(tmp)`: afterwards `final` is the new file, or what it was before.
+    """Yield a temporary path that replaces `final` on success: `with atomic_path(final) as tmp: write(tmp)`.
 
-    `tmp` lies in the same folder (created if missing), is hidden and keeps the suffix, because writers
-    choose the format by it. Any exception from the block, or from the disk, removes `tmp` and propagates.
+    Afterwards `final` is the new file, or unchanged. `tmp` is a hidden file in the same folder (created if missing)
+    with the same suffix, since writers choose the format by the suffix. An exception in the block, or an error of the
+    disk, removes `tmp` and propagates.
     """
     final = Path(final)
     final.parent.mkdir(parents=True, exist_ok=True)
@@ -37,7 +38,7 @@ def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _synchronise(path: Path) -> None:
-    """Wait until the disk holds it: a rename may otherwise outrun the data and leave an empty file."""
+    """Flush a file to the disk: otherwise a rename may reach the disk before the data and leave an empty file."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

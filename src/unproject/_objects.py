@@ -1,6 +1,6 @@
-"""From `module:name` or `path/to/file.py:name` to the object: how a user's own parts are found.
+"""Import of a user's own parts by name: `module:name` or `path/to/file.py:name`.
 
-There is no registry: whatever Python can import, the command line can use.
+There is no registry: the command line can use whatever Python can import.
 """
 
 from __future__ import annotations
@@ -17,12 +17,16 @@ from ._types import UserError
 
 
 def find_object(where: str) -> Any:
-    """The object named `module:name` or `path/to/file.py:name`; `name` may be dotted.
+    """Return the object named `module:name` or `path/to/file.py:name`; `name` may be dotted.
 
-    Modules are looked for in the current directory too; a file may import its neighbours.
+    Modules in the current directory are found too; a file may import modules from its own folder.
 
     Raises:
         UserError: if there is no such file, module or name, or if importing it fails.
+
+    Examples:
+        >>> find_object("math:pi")
+        3.141592653589793
     """
     source, _, name = where.rpartition(":")
     if not source or not name:
@@ -36,13 +40,13 @@ def find_object(where: str) -> Any:
 
 
 def nearest(name: str, names: Any) -> str:
-    """`. Perhaps you meant 'x'` for the name closest to the one given, or nothing."""
+    """Return ". Perhaps you meant 'x'" with the name closest to `name`, or "" if none is close."""
     close = get_close_matches(name, [n for n in names if not n.startswith("_")], n=1)
     return f". Perhaps you meant {close[0]!r}" if close else ""
 
 
 def _module_called(name: str) -> ModuleType:
-    _let_import_from(Path.cwd())
+    _add_to_path(Path.cwd())
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
@@ -60,8 +64,8 @@ def _module_in_file(path: Path) -> ModuleType:
     spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up by name
-    _let_import_from(path.resolve().parent)
+    sys.modules[name] = module  # dataclasses find their module by name
+    _add_to_path(path.resolve().parent)
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -70,10 +74,10 @@ def _module_in_file(path: Path) -> ModuleType:
     return module
 
 
-def _let_import_from(folder: Path) -> None:
+def _add_to_path(folder: Path) -> None:
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
 
 
 def _failed(where: str, error: Exception) -> UserError:
-    return UserError(f"importing {where} raised {type(error).__name__}: {error}; mend it and try again")
+    return UserError(f"importing {where} raised {type(error).__name__}: {error}; fix it and try again")

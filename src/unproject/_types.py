@@ -1,4 +1,4 @@
-"""The axis legend, the array types and the one exception a user is meant to see.
+"""The axis legend, the array types and the exception for mistakes of a user.
 
 Axis legend (docs/conventions.md has the pictures):
 
@@ -9,7 +9,7 @@ name       shape           meaning
 `Image`    (B, C, H, W)    row 0 is the top of the picture
 `Latent`   (B,)            one latent parameter of a projection; angles in radians
 `Code`     (B, L)          the input of a generator
-`Logits`   (B,)            what a discriminator says of each image
+`Logits`   (B,)            the scores that a discriminator gives the images
 ========== =============== ====================================================
 """
 
@@ -29,7 +29,14 @@ if TYPE_CHECKING:
 
 
 class UserError(ValueError):
-    """Something the user can mend: the message says what, where and how to mend it.
+    """A mistake that the user can fix; the message says what, where and how.
 
     The command line prints it as one line, `unproject: <message>`, and exits with status 2.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.Uniform("azimuth", 1, 0)
+        Traceback (most recent call last):
+        ...
+        unproject._types.UserError: Uniform('azimuth', 1, 0): give finite low <= high
     """

@@ -1,4 +1,4 @@
-"""Penalties against closed forms: a linear judge D(y) = ⟨w, y⟩ has the slope w, a quadratic one ½‖y‖² the slope y."""
+"""Penalties against closed forms: a linear D(y) = ⟨w, y⟩ has the gradient w, a quadratic ½‖y‖² the gradient y."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty, squared_slopes
+from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty, squared_gradient_norms
 
 SHAPE = (1, 2, 3)
 
@@ -28,7 +28,7 @@ def penalise(penalty: Penalty, w: Tensor) -> Tensor:
 
 
 @pytest.mark.parametrize("every", [1, 4])
-def test_r1_r2_of_a_linear_judge(every: int) -> None:
+def test_r1_r2_of_a_linear_discriminator(every: int) -> None:
     w = weights()
     value = penalise(R1R2(gamma=3.0, every=every), w)
     assert value.item() == pytest.approx(3 / 2 * every * 2 * w.square().sum().item())
@@ -37,7 +37,7 @@ def test_r1_r2_of_a_linear_judge(every: int) -> None:
 
 
 @pytest.mark.parametrize("every", [1, 4])
-def test_the_gradient_penalty_of_a_linear_judge(every: int) -> None:
+def test_the_gradient_penalty_of_a_linear_discriminator(every: int) -> None:
     w = weights()
     value, norm = penalise(GradientPenalty(10.0, every), w), w.detach().norm()
     assert value.item() == pytest.approx(10 * every * (norm - 1).square().item())
@@ -45,7 +45,7 @@ def test_the_gradient_penalty_of_a_linear_judge(every: int) -> None:
     torch.testing.assert_close(w.grad, 10 * every * 2 * (norm - 1) * w.detach() / norm)
 
 
-def test_a_judge_of_slope_one_is_not_penalised() -> None:
+def test_a_discriminator_of_gradient_norm_one_is_not_penalised() -> None:
     w = weights().detach()
     assert penalise(GradientPenalty(), w / w.norm()).item() == pytest.approx(0, abs=1e-12)
     assert penalise(R1R2(), w / w.norm()).item() == pytest.approx(4)
@@ -70,9 +70,10 @@ def test_the_gradient_penalty_is_on_interpolates_of_real_and_generated_images() 
     assert value.item() == pytest.approx(5 / 6, abs=0.03)
 
 
-def test_slopes_are_those_of_each_image() -> None:
+def test_gradient_norms_are_those_of_each_image() -> None:
     y = images(2)
-    torch.testing.assert_close(squared_slopes(lambda x: x.square().flatten(1).sum(1) / 2, y), y.square().sum((1, 2, 3)))
+    norms = squared_gradient_norms(lambda x: x.square().flatten(1).sum(1) / 2, y)
+    torch.testing.assert_close(norms, y.square().sum((1, 2, 3)))
 
 
 def test_r1_is_of_real_images_and_r2_of_generated_ones() -> None:
@@ -92,26 +93,26 @@ def test_r1_r2_of_a_judge_that_knows_one_kind_only() -> None:
     assert value.item() == pytest.approx(2 / 2 * 6 * (3**2 + 5**2))  # six pixels
 
 
-def judged(seed: int) -> Tensor:
-    """Where on the way from generated (0) to real (1) the gradient penalty looks."""
+def interpolates(seed: int) -> Tensor:
+    """Return the images between generated (0) and real (1) that the gradient penalty is evaluated at."""
     seen = []
 
-    def judge(y: Tensor) -> Tensor:
+    def discriminator(y: Tensor) -> Tensor:
         seen.append(y.detach())
         return y.flatten(1).sum(1)
 
     real = torch.ones(400, *SHAPE, dtype=torch.float64)
-    GradientPenalty()(judge, real, torch.zeros_like(real), rng(seed))
+    GradientPenalty()(discriminator, real, torch.zeros_like(real), rng(seed))
     return seen[0]
 
 
-def test_the_gradient_penalty_looks_between_real_and_generated() -> None:
-    points = judged(0)
+def test_the_gradient_penalty_is_between_real_and_generated() -> None:
+    points = interpolates(0)
     per_image = points.flatten(1)
     assert (per_image == per_image[:, :1]).all(), "one place an image"
     assert 0 <= per_image.min() < 0.02 and 0.98 < per_image.max() <= 1
     assert per_image[:, 0].mean().item() == pytest.approx(0.5, abs=0.05)
-    assert torch.equal(points, judged(0)) and not torch.equal(points, judged(1))
+    assert torch.equal(points, interpolates(0)) and not torch.equal(points, interpolates(1))
 
 
 @pytest.mark.parametrize("penalty", [R1R2(), GradientPenalty()], ids=lambda p: type(p).__name__)

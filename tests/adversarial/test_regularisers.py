@@ -1,4 +1,4 @@
-"""Regularisers against their formula, and the pull they exert."""
+"""Regularisers against their formula, and its gradient."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Plan(Projection):
 
     scale: float = 1.0
 
-    def forward(self, x: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(self, x: Tensor) -> Tensor:
         return self.scale * x.amax(2)[:, None]
 
 

@@ -89,11 +89,11 @@ def test_quarter_turn_gauges_relabel_views_exactly(gauge):
 
 def test_views_with_the_silhouette_operator():
     silhouette_module = pytest.importorskip("unproject.projections.silhouette")
-    x, look = blobs(1, side=24), silhouette_module.Silhouette()
+    x, silhouette = blobs(1, side=24), silhouette_module.Silhouette()
     for gauge in (Gauge(0, True), Gauge(4), Gauge(8, True), Gauge(3), Gauge(6, True)):
         for k in (0, 3):
             seen = [
-                look(volume, azimuth=torch.tensor([2 * math.pi * int(view) / 16]))
+                silhouette(volume, azimuth=torch.tensor([2 * math.pi * int(view) / 16]))
                 for volume, view in ((apply(x, gauge), k), (x, gauge.view(torch.tensor(k))))
             ]
             assert (seen[0] - seen[1]).abs().mean() < 0.02

@@ -67,10 +67,10 @@ def test_the_gauge_is_found_and_taken_back(gauge):
 @pytest.mark.parametrize("gauge", [Gauge(5, False, 20), Gauge(10, True, 20), Gauge(3, False, 20), Gauge(4, True, 20)])
 def test_gauged_images_look_as_their_relabelled_directions_say(gauge):
     """P(T F x, k) = P(x, view(k)): exact for quarter turns, to the blur of resampling for others."""
-    x, look, k = DIGITS[:8], LineIntegral(), torch.arange(8)
+    x, line_integral, k = DIGITS[:8], LineIntegral(), torch.arange(8)
     angle = torch.pi / 10 * k
-    seen = look(apply_to_images(x, gauge), angle=angle)
-    expected = look(x, angle=torch.pi / 10 * gauge.view(k))
+    seen = line_integral(apply_to_images(x, gauge), angle=angle)
+    expected = line_integral(x, angle=torch.pi / 10 * gauge.view(k))
     blur = 1e-5 if gauge.turn % 5 == 0 else 0.05
     assert (seen - expected).abs().max() < blur
     assert (seen.flip(2) - expected).abs().max() > 2 * blur

@@ -61,7 +61,7 @@ def test_scales_are_told_apart():
 
 
 def test_the_relief_is_the_height_of_the_normals():
-    """+1 with what is light on the hills, whichever way the slopes lie: the signs of x and y are the conventions'."""
+    """+1 if hills are light, for slopes in every direction: the signs of x and y are the conventions'."""
     height = smooth(20, 64, 0, period=12)
     table = map_correlations(materials(height, -height, noise(20, 64, 1), height))
     by_pair = dict(zip(PAIRS, table.values[1:4].T))

@@ -28,17 +28,17 @@ def test_sameness_is_found_out() -> None:
 
 
 def test_groups_do_not_see_one_another() -> None:
-    """Nor in batch norm while training: else real images are told by their company, and generated ones, which come
-    alone when the generator learns, look real to a discriminator that has won."""
+    """Nor in batch norm while training: else real images are recognised by the others of their batch, and generated
+    ones, which come alone when the generator learns, look real to a discriminator that has won."""
     with seeded(0):
-        judge = DCGANDiscriminator((3, 16, 16), heads=2, channels=8, group=4).train()
+        discriminator = DCGANDiscriminator((3, 16, 16), heads=2, channels=8, group=4).train()
     real, fake, other = torch.rand(3, 4, 3, 16, 16, generator=generator_at(1)).unbind(0)
     head = torch.zeros(8, dtype=torch.long)
-    together = judge(torch.cat([real, fake]), head)
-    torch.testing.assert_close(together[:4], judge(torch.cat([real, other]), head)[:4])
-    torch.testing.assert_close(together[4:], judge(fake, head[:4]))
-    judge.group = None
-    assert not torch.allclose(together, judge(torch.cat([real, fake]), head))
+    together = discriminator(torch.cat([real, fake]), head)
+    torch.testing.assert_close(together[:4], discriminator(torch.cat([real, other]), head)[:4])
+    torch.testing.assert_close(together[4:], discriminator(fake, head[:4]))
+    discriminator.group = None
+    assert not torch.allclose(together, discriminator(torch.cat([real, fake]), head))
 
 
 def test_images_are_scaled_to_minus_one_and_one() -> None:
@@ -50,14 +50,14 @@ def test_images_are_scaled_to_minus_one_and_one() -> None:
 
 def test_heads_differ_and_every_weight_learns() -> None:
     with seeded(0):
-        judge = DCGANDiscriminator((1, 32, 32), heads=3, channels=4)
+        discriminator = DCGANDiscriminator((1, 32, 32), heads=3, channels=4)
     image = torch.rand(6, 1, 32, 32, generator=generator_at(2))
     head = torch.tensor([0, 1, 2, 0, 1, 2])
-    logits = judge(image, head)
-    assert logits.shape == (6,) and not torch.allclose(logits, judge(image, head.flip(0)))
+    logits = discriminator(image, head)
+    assert logits.shape == (6,) and not torch.allclose(logits, discriminator(image, head.flip(0)))
     logits.square().sum().backward()
     # A bias before batch norm shifts nothing.
-    moved = {name: bool(p.grad is not None and p.grad.abs().sum() > 0) for name, p in judge.named_parameters()}
+    moved = {name: bool(p.grad is not None and p.grad.abs().sum() > 0) for name, p in discriminator.named_parameters()}
     assert all(value for name, value in moved.items() if not name.endswith("bias") or "last" in name)
 
 

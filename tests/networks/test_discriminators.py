@@ -107,7 +107,7 @@ def test_an_image_teaches_its_own_head_alone(options: dict[str, object]) -> None
 
 
 @pytest.mark.parametrize("options", LAYOUTS, ids=str)
-def test_each_image_is_judged_alone(options: dict[str, object]) -> None:
+def test_each_image_is_scored_alone(options: dict[str, object]) -> None:
     model = build(**options)
     with torch.no_grad():
         for _ in range(200 if options.get("spectral") else 0):  # until the spectral vectors stand still
@@ -278,21 +278,21 @@ def test_half_precision_leaves_the_spectral_vectors_whole() -> None:
 # Lines
 
 
-def line_judge(**options: object) -> LineDiscriminator:
+def line_discriminator(**options: object) -> LineDiscriminator:
     with seeded(0, "test"):
         return LineDiscriminator((1, 24), 3, **{"mean": 0.1, "deviation": 0.05, "width": 8, **options})  # type: ignore[arg-type]
 
 
-def test_a_line_is_judged_by_its_head() -> None:
-    judge = line_judge(bottleneck=6)
+def test_a_line_is_scored_by_its_head() -> None:
+    discriminator = line_discriminator(bottleneck=6)
     y, one = images(len(HEAD), 1, 24), torch.ones_like(HEAD)
-    assert torch.equal(judge(y, HEAD), judge(y, one))  # alike at the start
+    assert torch.equal(discriminator(y, HEAD), discriminator(y, one))  # alike at the start
     with torch.no_grad():
-        judge.own.weight[2] += 1
-    changed = judge(y, HEAD) != judge(y, one)
+        discriminator.own.weight[2] += 1
+    changed = discriminator(y, HEAD) != discriminator(y, one)
     assert torch.equal(changed, HEAD == 2)
-    judge(y, one).sum().backward()
-    gradient = judge.own.weight.grad
+    discriminator(y, one).sum().backward()
+    gradient = discriminator.own.weight.grad
     assert gradient is not None and torch.equal(gradient.any(1), torch.tensor([False, True, False]))
 
 
@@ -300,9 +300,9 @@ def test_a_unit_of_measurement_changes_nothing() -> None:
     """Readings in other units, with their mean, their deviation, and γ times deviation²."""
     values = []
     for unit in (1.0, 7.0):
-        judge = line_judge(mean=0.1 * unit, deviation=0.05 * unit)
+        discriminator = line_discriminator(mean=0.1 * unit, deviation=0.05 * unit)
         y, rng = images(len(HEAD), 1, 24) * unit, torch.Generator().manual_seed(0)
-        values.append(R1R2(0.3 * (0.05 * unit) ** 2)(lambda x, judge=judge: judge(x, HEAD), y, y.flip(0), rng))
+        values.append(R1R2(0.3 * (0.05 * unit) ** 2)(lambda x, d=discriminator: d(x, HEAD), y, y.flip(0), rng))
     torch.testing.assert_close(values[0], values[1], rtol=1e-4, atol=0)
 
 

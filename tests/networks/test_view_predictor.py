@@ -36,7 +36,7 @@ def test_images_are_scaled_to_minus_one_and_one() -> None:
     assert (seen[0][0] == -1).all() and (seen[0][1] == 1).all()
 
 
-def test_images_are_judged_alone_in_evaluation_only() -> None:
+def test_images_are_scored_alone_in_evaluation_only() -> None:
     model, image = ViewPredictor((1, 16, 16), 4, channels=4), torch.rand(6, 1, 16, 16)
     assert not torch.allclose(model(image)[:2], model(image[:2]), atol=1e-3)
     model.eval()

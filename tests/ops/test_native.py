@@ -22,7 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     _native._library.cache_clear()
 
 
-def look() -> torch.Tensor:
+def project() -> torch.Tensor:
     image, angle = torch.rand(3, 2, 5, 5, generator=torch.Generator().manual_seed(0)), torch.tensor([0.1, 2.0, 4.0])
     y = strip_integrals_native(image, angle, 5)
     torch.testing.assert_close(y, strip_integrals_sparse(image, angle, 5))
@@ -31,37 +31,37 @@ def look() -> torch.Tensor:
 
 @pytest.mark.skipif(not shutil.which("c++") and not shutil.which("g++"), reason="there is no compiler")
 def test_a_kernel_is_built_once_and_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = look()
+    first = project()
     (library,) = folder.iterdir()
     _native._library.cache_clear()
     built = library.stat().st_mtime_ns
-    assert torch.equal(look(), first)
+    assert torch.equal(project(), first)
     assert library.stat().st_mtime_ns == built
-    assert _native.kernel("line_integrals", "look_float") is not None
+    assert _native.kernel("line_integrals", "project_float") is not None
 
 
 def test_without_a_compiler_the_values_are_the_same(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    assert _native.kernel("line_integrals", "look_float") is None
-    look()
+    assert _native.kernel("line_integrals", "project_float") is None
+    project()
     assert not folder.exists()
 
 
 def test_a_build_that_fails_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_native, "FLAGS", ("--no-such-flag",))
-    assert _native.kernel("line_integrals", "look_float") is None
-    look()
+    assert _native.kernel("line_integrals", "project_float") is None
+    project()
     assert not list(folder.iterdir())
 
 
 def test_it_can_be_turned_off(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UNPROJECT_NATIVE", "0")
-    assert _native.kernel("line_integrals", "look_float") is None
+    assert _native.kernel("line_integrals", "project_float") is None
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     _native._library.cache_clear()
-    assert _native.kernel("line_integrals", "look_float") is None
+    assert _native.kernel("line_integrals", "project_float") is None
     _native._library.cache_clear()

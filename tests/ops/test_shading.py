@@ -220,10 +220,10 @@ def test_the_kernel_is_the_reference(gradient: str, model: Reflection, points: s
     weight = torch.rand(3, 3, 5, 5, generator=generator_at(2))
     for light in (Environment(ready, double.which, double.turn.float()), Ambient()):
         found = []
-        for look in (shade, shade_fast):
+        for estimate in (shade, shade_fast):
             leaf = x.clone().requires_grad_()
             options = Sampling(32, points=points, gradient=gradient)  # pyright: ignore[reportArgumentType]
-            seen = look(leaf, toward, light, model, options, torch.tensor([0.2, 0.5, 0.9]))
+            seen = estimate(leaf, toward, light, model, options, torch.tensor([0.2, 0.5, 0.9]))
             found.append((seen.detach(), torch.autograd.grad(seen, leaf, weight)[0]))
         (a, da), (b, db) = found
         assert (a - b).norm() < 1e-4 * a.norm()
@@ -237,8 +237,8 @@ def test_what_has_broken_down_shows(spoil: tuple[int, float]) -> None:
     """A NaN in a map is a NaN in its texel, by the kernel too, and nowhere else."""
     x = maps(1, 4).float()
     x[0, spoil[0], 1, 2] = spoil[1]
-    for look in (shade, shade_fast):
-        seen = look(x, camera(1, 4).float(), Ambient(), Reflection(), Sampling(8), torch.tensor([0.5]))
+    for estimate in (shade, shade_fast):
+        seen = estimate(x, camera(1, 4).float(), Ambient(), Reflection(), Sampling(8), torch.tensor([0.5]))
         assert seen.isnan().any(1)[0].nonzero().tolist() == [[1, 2]]
 
 
@@ -260,9 +260,11 @@ def test_a_light_that_is_turned_far_or_learned() -> None:
 def test_more_than_everything_is_reflected_and_nothing_is_negative() -> None:
     x = maps(2, 4).float()
     x[:, 3] = 3
-    for look in (shade, shade_fast):
+    for estimate in (shade, shade_fast):
         leaf = x.clone().requires_grad_()
-        seen = look(leaf, camera(2, 4).float(), Ambient(), Reflection("albedo"), Sampling(8), torch.tensor([0.5, 0.2]))
+        seen = estimate(
+            leaf, camera(2, 4).float(), Ambient(), Reflection("albedo"), Sampling(8), torch.tensor([0.5, 0.2])
+        )
         (slope,) = torch.autograd.grad(seen.sum(), leaf)
         assert seen.min() >= 0 and slope.isfinite().all()
 

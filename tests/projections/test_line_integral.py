@@ -40,12 +40,14 @@ def test_an_angle_that_is_learned_gets_its_gradient() -> None:
 
 
 def test_ten_directions_over_half_a_turn() -> None:
-    looks = directions()
-    assert [look.name for look in looks[:2]] == ["direction-00", "direction-01"] and len(looks) == 10
-    for k, look in enumerate(looks):
-        drawn = look.prior.sample(1000, generator_at(k))["angle"].rad2deg()
+    observations = directions()
+    assert [observation.name for observation in observations[:2]] == ["direction-00", "direction-01"] and len(
+        observations
+    ) == 10
+    for k, observation in enumerate(observations):
+        drawn = observation.prior.sample(1000, generator_at(k))["angle"].rad2deg()
         assert drawn.min() >= 18 * k - 2.5 and drawn.max() < 18 * k + 2.5 and drawn.max() - drawn.min() > 4.9
-        assert [other.prior.contains({"angle": drawn.deg2rad()}).all() for other in looks].index(True) == k
+        assert [other.prior.contains({"angle": drawn.deg2rad()}).all() for other in observations].index(True) == k
 
 
 def test_a_whole_turn_of_directions() -> None:

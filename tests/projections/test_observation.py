@@ -34,6 +34,15 @@ def test_a_prior_that_draws_something_else_is_refused(prior: Uniform | Product) 
     assert str(caught.value).startswith(message)
 
 
+def test_a_projection_without_forward_is_refused() -> None:
+    class Missing(Projection):
+        pass
+
+    for use in (lambda: Missing()(torch.zeros(2, 1)), lambda: Missing().latents, lambda: Observation("m", Missing())):
+        with pytest.raises(UserError, match="Missing defines no forward: add `def forward"):
+            use()
+
+
 def test_a_misspelt_latent_is_pythons_own_error() -> None:
     with pytest.raises(TypeError, match="unexpected keyword argument 'bye'"):
         Shift()(torch.zeros(2, 1), bye=torch.zeros(2))

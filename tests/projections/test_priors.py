@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import pytest
 import torch
@@ -47,7 +48,7 @@ def test_priors_obey_the_laws(name: str) -> None:
 class WithoutPeriod(Bins):
     """The mutant: a bin that forgets the turn contains only what lies on its own side of zero."""
 
-    def contains(self, latents: dict[str, Tensor]) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
         a = latents["a"] % TURN
         return (a >= self.parts[0].low) & (a < self.parts[-1].high)  # type: ignore[attr-defined]
 

@@ -16,7 +16,8 @@ from unproject.ops.exposure import develop
 from unproject.ops.maps import check_maps, pack_maps, unpack_maps
 from unproject.ops.microfacet import Reflection
 from unproject.ops.shading import Sampling
-from unproject.projections.rendering import Rendering, photographs, rendering_prior
+from unproject.projections.observation import Observation
+from unproject.projections.rendering import Rendering, rendering_prior
 
 
 def paper(size: int = 8, white: float = 1.0) -> Tensor:
@@ -43,9 +44,9 @@ def test_maps_by_name_are_maps() -> None:
     x = torch.rand(2, 8, 4, 4)
     named = unpack_maps(x)
     assert torch.equal(pack_maps(named), x)
-    look = linear("directional")
+    rendering = linear("directional")
     theta = {"view": torch.zeros(2), "light": torch.full((2,), 0.3)}
-    assert torch.equal(look(named, **theta), look(x, **theta))
+    assert torch.equal(rendering(named, **theta), rendering(x, **theta))
     assert torch.equal(up.Selection("normal")(named), x[:, 5:])
 
 
@@ -63,12 +64,14 @@ def test_a_highlight_is_where_the_mirror_direction_says() -> None:
 
 def test_the_camera_stands_at_the_bottom_edge() -> None:
     """At 45° from there the light that is mirrored comes from beyond the top edge, azimuth 90°."""
-    look, x = linear("directional"), mirror()
-    opposite = look(x, view=angle(45), light=angle(45), light_azimuth=angle(90))[0, 0, 16, 16]
-    same_side = look(x, view=angle(45), light=angle(45), light_azimuth=angle(-90))[0, 0, 16, 16]
+    rendering, x = linear("directional"), mirror()
+    opposite = rendering(x, view=angle(45), light=angle(45), light_azimuth=angle(90))[0, 0, 16, 16]
+    same_side = rendering(x, view=angle(45), light=angle(45), light_azimuth=angle(-90))[0, 0, 16, 16]
     assert opposite > 100 * same_side
-    turned = look(x, view=angle(45), view_azimuth=angle(0), light=angle(45), light_azimuth=angle(180))[0, 0, 16, 16]
-    assert turned.item() == pytest.approx(opposite.item(), rel=1e-4)
+    turned = rendering(x, view=angle(45), view_azimuth=angle(0), light=angle(45), light_azimuth=angle(180))[
+        0, 0, 16, 16
+    ]
+    assert turned[0, 0, 16, 16].item() == pytest.approx(opposite.item(), rel=1e-4)
 
 
 def test_three_coloured_lamps_are_three_pictures_by_one_lamp() -> None:
@@ -85,12 +88,12 @@ def test_coloured_lamps_tell_whether_relief_goes_with_albedo() -> None:
     """From the left in red, from the right in green and blue: what red has more of rises to the right."""
     maps = unpack_maps(correlated(8, 32, 0))
     found = []
-    for look in ("coloured", "directional"):
-        rendering = Rendering(look, Reflection("albedo"))
+    for lighting in ("coloured", "directional"):
+        rendering = Rendering(lighting, Reflection("albedo"))
         for normal in (maps["normal"], maps["normal"].roll(1, 0)):
             theta = {"view": torch.zeros(8), "light": torch.full((8,), 0.8), "light_azimuth": torch.full((8,), math.pi)}
             seen = rendering(maps | {"normal": normal}, **theta).clamp(min=0.01).log()
-            more = seen[:, 0] - seen[:, 1:].mean(1) if look == "coloured" else seen.mean(1)
+            more = seen[:, 0] - seen[:, 1:].mean(1) if lighting == "coloured" else seen.mean(1)
             rising = seen.mean(1).roll(-1, 2) - seen.mean(1).roll(1, 2)
             pairs = zip(more[:, :, 1:-1].flatten(1), rising[:, :, 1:-1].flatten(1), strict=True)
             found.append(torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in pairs]).mean().item())
@@ -102,8 +105,8 @@ def test_normals_lean_as_they_say() -> None:
     """A facet leaning towards +x by 10° is brightest under light from +x."""
     x = paper()
     x[:, 5], x[:, 7] = math.sin(math.radians(10)), math.cos(math.radians(10))
-    look = linear("directional")
-    right, left = (look(x, view=angle(0), light=angle(40), light_azimuth=angle(a))[0, 0, 4, 4] for a in (0, 180))
+    rendering = linear("directional")
+    right, left = (rendering(x, view=angle(0), light=angle(40), light_azimuth=angle(a))[0, 0, 4, 4] for a in (0, 180))
     assert right.item() == pytest.approx(math.cos(math.radians(30)), rel=1e-4)
     assert left.item() == pytest.approx(math.cos(math.radians(50)), rel=1e-4)
 
@@ -112,13 +115,13 @@ def test_an_environment_shines_from_where_it_is_drawn() -> None:
     """Light from φ = 90° (a quarter of the columns) at 45°: a facet leaning towards +y sees more of it; turned, +x."""
     light = torch.zeros(1, 3, 16, 32)
     light[:, :, 3:5, 7:9] = 50
-    look = linear(light)
+    rendering = linear(light)
     lean = {}
     for name, k in (("x", 5), ("y", 6)):
         x = paper()
         x[:, k], x[:, 7] = 0.5, math.sqrt(0.75)
         for turn in (0.0, -90.0):
-            lean[name, turn] = look(x, view=angle(0), light=angle(turn), probe=torch.zeros(1))[0, 0, 4, 4].item()
+            lean[name, turn] = rendering(x, view=angle(0), light=angle(turn), probe=torch.zeros(1))[0, 0, 4, 4].item()
     assert lean["y", 0.0] > 1.5 * lean["x", 0.0]
     assert lean["x", -90.0] > 1.5 * lean["y", -90.0]
     assert lean["x", -90.0] == pytest.approx(lean["y", 0.0], rel=0.1)
@@ -127,8 +130,8 @@ def test_an_environment_shines_from_where_it_is_drawn() -> None:
 def test_a_photograph_of_paper_is_exposed() -> None:
     """A uniform light of any strength makes grey paper its own grey, to the power 1/2.2."""
     for strength in (0.01, 30.0):
-        look = Rendering(torch.full((1, 3, 8, 16), strength), sampling=Sampling(64))
-        seen = look(paper(8, 0.5), view=angle(0))
+        rendering = Rendering(torch.full((1, 3, 8, 16), strength), sampling=Sampling(64))
+        seen = rendering(paper(8, 0.5), view=angle(0))
         assert seen.mean().item() == pytest.approx(0.5 ** (1 / 2.2), abs=0.01)
 
 
@@ -164,44 +167,45 @@ def test_the_perspective_picture_is_foreshortened() -> None:
 
 def test_each_photograph_is_taken_alone() -> None:
     """A grazing view beside a view from above changes neither, nor do bands of rows."""
-    look, x = linear("directional", space="image"), torch.rand(1, 8, 40, 40, generator=generator_at(4)) * 0.5 + 0.2
-    both = look(x.repeat(2, 1, 1, 1), view=torch.tensor([0.0, 1.4]), light=torch.zeros(2))
+    rendering, x = linear("directional", space="image"), torch.rand(1, 8, 40, 40, generator=generator_at(4)) * 0.5 + 0.2
+    both = rendering(x.repeat(2, 1, 1, 1), view=torch.tensor([0.0, 1.4]), light=torch.zeros(2))
     for k, view in enumerate((0.0, 1.4)):
-        alone = look(x, view=torch.tensor([view]), light=torch.zeros(1))
+        alone = rendering(x, view=torch.tensor([view]), light=torch.zeros(1))
         torch.testing.assert_close(both[k : k + 1], alone)
 
 
 def test_turns_without_number_are_turns() -> None:
-    look, x = Rendering(torch.rand(1, 3, 15, 30) + 0.1, sampling=Sampling(8)), paper(4)
+    rendering, x = Rendering(torch.rand(1, 3, 15, 30) + 0.1, sampling=Sampling(8)), paper(4)
     pictures = [
-        look(x, view=angle(10), light=torch.tensor([t], dtype=torch.float64)) for t in (0.5, 0.5 + 2000 * math.pi)
+        rendering(x, view=angle(10), light=torch.tensor([t], dtype=torch.float64)) for t in (0.5, 0.5 + 2000 * math.pi)
     ]
     torch.testing.assert_close(*pictures, atol=1e-4, rtol=0)
 
 
 def test_the_same_jitter_is_the_same_picture() -> None:
-    look, light = Rendering(torch.rand(1, 3, 8, 16) + 0.1, sampling=Sampling(8)), angle(10)
+    rendering, light = Rendering(torch.rand(1, 3, 8, 16) + 0.1, sampling=Sampling(8)), angle(10)
     x = torch.rand(1, 8, 4, 4) * 0.5 + 0.2
-    pictures = [look(x, view=angle(20), light=light, jitter=torch.tensor([j])) for j in (0.3, 0.3, 0.7)]
+    pictures = [rendering(x, view=angle(20), light=light, jitter=torch.tensor([j])) for j in (0.3, 0.3, 0.7)]
     assert torch.equal(pictures[0], pictures[1])
     assert not torch.equal(pictures[0], pictures[2])
 
 
 def test_an_observation_draws_what_its_light_takes() -> None:
-    top, grazing = photographs(torch.rand(3, 3, 8, 16) + 0.1)
+    lit = Rendering(torch.rand(3, 3, 8, 16) + 0.1)
+    top, grazing = (Observation("view", lit, rendering_prior(lit, math.radians(angle))) for angle in (0, 80))
     rng = generator_at(1)
-    for look, low, high in ((top, -5, 5), (grazing, 75, 85)):
-        drawn = look.prior.sample(500, rng)
+    for observation, low, high in ((top, -5, 5), (grazing, 75, 85)):
+        drawn = observation.prior.sample(500, rng)
         view = drawn["view"] * 180 / math.pi
         assert view.min() >= low and view.max() <= high and view.max() - view.min() > 9
         assert drawn["probe"].long().unique().tolist() == [0, 1, 2]
-        assert look(torch.rand(2, 8, 4, 4) * 0.5 + 0.2, rng).shape == (2, 3, 4, 4)
+        assert observation(torch.rand(2, 8, 4, 4) * 0.5 + 0.2, rng).shape == (2, 3, 4, 4)
     straight = rendering_prior(Rendering("directional"), 0.0, 0.0).sample(10, rng)
     assert straight["light"].abs().max() == 0
     anywhere = rendering_prior(Rendering("directional"), 0.0).sample(4000, rng)["light"]
     assert anywhere.cos().mean().item() == pytest.approx((1 + math.cos(math.radians(80))) / 2, abs=0.02)
-    for look in ("directional", "coloured"):
-        drawn = rendering_prior(Rendering(look), 0.0, 1.0, 0.1, light_azimuth=2.0).sample(500, rng)
+    for lighting in ("directional", "coloured"):
+        drawn = rendering_prior(Rendering(lighting), 0.0, 1.0, 0.1, light_azimuth=2.0).sample(500, rng)
         for name, middle in (("light", 1.0), ("light_azimuth", 2.0)):
             off = drawn[name] - middle
             assert -0.1 <= off.min() < -0.09 and 0.09 < off.max() <= 0.1

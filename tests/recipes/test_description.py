@@ -175,7 +175,7 @@ def test_an_operator_of_ones_own_is_described_with_its_attributes() -> None:
         def __init__(self, factor: float) -> None:
             self.factor = factor
 
-        def forward(self, x: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        def forward(self, x: Tensor) -> Tensor:
             return x * self.factor
 
     assert describe(Scaled(2.0)) == describe(Scaled(2.0)) != describe(Scaled(3.0))

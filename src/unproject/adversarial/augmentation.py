@@ -1,4 +1,4 @@
-"""Augmentation: what is done to all that discriminators see, so that they cannot learn few pictures by heart."""
+"""Augmentation: random changes of all images that discriminators receive, against overfitting to few real images."""
 
 from __future__ import annotations
 
@@ -12,27 +12,44 @@ from .._types import UserError
 
 
 class Augmentation(ABC):
-    """A random change T of pictures, the same kind for real and generated ones, differentiable in the picture.
+    """A random transformation T of real and generated images, differentiable in the image.
 
-    The discriminator sees T(y) and T(P(G(z))) alone. If no two distributions of pictures are one after T, the
-    generator still learns the pictures as they are: T does not leak.
+    The discriminator receives T(y) and T(P(G(z))) only. If T maps no two distributions of images to the same one, the
+    generator still learns the distribution of unchanged images: T does not leak.
 
     References:
         Zhao et al. 2020, Differentiable Augmentation for Data-Efficient GAN Training.
         Karras et al. 2020, Training Generative Adversarial Networks with Limited Data (when augmentations leak).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class Brightness(up.Augmentation):
+        ...     def __call__(self, images, rng):
+        ...         by = torch.rand(len(images), generator=rng) * 0.2 - 0.1
+        ...         return images + by.to(images).view(-1, *[1] * (images.dim() - 1))
+        >>> Brightness()(torch.zeros(4, 1, 8, 8), torch.Generator().manual_seed(0)).shape
+        torch.Size([4, 1, 8, 8])
     """
 
     @abstractmethod
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
-        """T(images), of the same shape (B, C, ...); each image is changed on its own."""
+        """Return T(images), of the same shape (B, C, ...); each image has its own draw."""
 
 
 @dataclass(frozen=True)
 class Shift(Augmentation):
-    """T(y)(u) = y(u - d), d uniform in ±`pixels` along every side, linear between pixels, 0 from outside.
+    """Random translation: T(y)(u) = y(u - d), d uniform in ±`pixels` along each axis.
+
+    Linear interpolation between pixels; 0 outside the image.
 
     Raises:
         UserError: for a shift that is not positive and finite.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> images = torch.rand(4, 1, 8, 8)
+        >>> up.Shift(2.0)(images, torch.Generator().manual_seed(0)).shape
+        torch.Size([4, 1, 8, 8])
     """
 
     pixels: float
@@ -49,7 +66,7 @@ class Shift(Augmentation):
 
 
 def shifted(images: Tensor, by: Tensor) -> Tensor:
-    """images(u - by) of images (B, ..., D) along the last side, by (B,) in pixels; linear, 0 from outside."""
+    """Translate images (B, ..., D) along the last axis by `by` (B,) pixels: images(u - by); linear, 0 outside."""
     length = images.shape[-1]
     at = torch.arange(length, device=images.device) - by[:, None]
     first = at.floor()

@@ -1,6 +1,6 @@
 """Adversarial losses: functions of the logits D(y) of real and D(P(G(z), θ)) of generated images.
 
-Real and generated logits come in pairs made by the same way of looking.
+Logits are (B,); real[b] and fake[b] are scored by the head of the same observation.
 """
 
 from __future__ import annotations
@@ -13,18 +13,40 @@ from torch import Tensor
 
 
 class Loss(ABC):
-    """What the discriminator and what the generator minimise."""
+    """The two losses of an adversarial game.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class LeastSquares(up.Loss):
+        ...     def discriminator(self, real, fake):
+        ...         return (real - 1).square().mean() + fake.square().mean()
+        ...     def generator(self, real, fake):
+        ...         return (fake - 1).square().mean()
+        >>> LeastSquares().generator(torch.zeros(4), torch.zeros(4))
+        tensor(1.)
+    """
 
     @abstractmethod
-    def discriminator(self, real: Tensor, fake: Tensor) -> Tensor: ...
+    def discriminator(self, real: Tensor, fake: Tensor) -> Tensor:
+        """Return the scalar that the discriminator minimises."""
 
     @abstractmethod
-    def generator(self, real: Tensor, fake: Tensor) -> Tensor: ...
+    def generator(self, real: Tensor, fake: Tensor) -> Tensor:
+        """Return the scalar that the generator minimises."""
 
 
 @dataclass(frozen=True)
 class Wasserstein(Loss):
-    """D: E D(fake) - E D(real); G: -E D(fake). Arjovsky et al. 2017; use with `GradientPenalty`."""
+    """D: E D(fake) - E D(real); G: -E D(fake). Use with `GradientPenalty`.
+
+    References:
+        Arjovsky et al. 2017, Wasserstein GAN.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.Wasserstein().discriminator(real=torch.tensor([1.0, 2.0]), fake=torch.tensor([0.0, 1.0]))
+        tensor(-1.)
+    """
 
     def discriminator(self, real: Tensor, fake: Tensor) -> Tensor:
         return fake.mean() - real.mean()
@@ -35,7 +57,16 @@ class Wasserstein(Loss):
 
 @dataclass(frozen=True)
 class Hinge(Loss):
-    """D: E max(0, 1 - D(real)) + E max(0, 1 + D(fake)); G: -E D(fake). Lim & Ye 2017."""
+    """D: E max(0, 1 - D(real)) + E max(0, 1 + D(fake)); G: -E D(fake).
+
+    References:
+        Lim & Ye 2017, Geometric GAN.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.Hinge().discriminator(real=torch.tensor([1.0, 2.0]), fake=torch.tensor([0.0, 1.0]))
+        tensor(1.5000)
+    """
 
     def discriminator(self, real: Tensor, fake: Tensor) -> Tensor:
         return F.relu(1 - real).mean() + F.relu(1 + fake).mean()
@@ -46,7 +77,16 @@ class Hinge(Loss):
 
 @dataclass(frozen=True)
 class Relativistic(Loss):
-    """D: E softplus(-(D(real) - D(fake))); G: the same with the roles exchanged. R3GAN, arXiv 2501.05441."""
+    """D: E softplus(D(fake) - D(real)); G: E softplus(D(real) - D(fake)).
+
+    References:
+        Jolicoeur-Martineau 2018, The relativistic discriminator; Huang et al. 2024, R3GAN (arXiv 2501.05441).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.Relativistic().generator(real=torch.zeros(4), fake=torch.zeros(4))  # log 2
+        tensor(0.6931)
+    """
 
     def discriminator(self, real: Tensor, fake: Tensor) -> Tensor:
         return F.softplus(fake - real).mean()
@@ -57,7 +97,16 @@ class Relativistic(Loss):
 
 @dataclass(frozen=True)
 class Logistic(Loss):
-    """D: E softplus(-D(real)) + E softplus(D(fake)); G: E softplus(-D(fake)). Goodfellow et al. 2014."""
+    """D: E softplus(-D(real)) + E softplus(D(fake)); G: E softplus(-D(fake)), the non-saturating loss.
+
+    References:
+        Goodfellow et al. 2014, Generative adversarial nets.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.Logistic().discriminator(real=torch.zeros(4), fake=torch.zeros(4))  # 2 log 2
+        tensor(1.3863)
+    """
 
     def discriminator(self, real: Tensor, fake: Tensor) -> Tensor:
         return F.softplus(-real).mean() + F.softplus(fake).mean()

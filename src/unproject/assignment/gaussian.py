@@ -49,7 +49,7 @@ class GaussianInitialiser:
         EM for mixtures of factor analysers (Ghahramani and Hinton 1996), with one distribution behind all of them;
         annealing of its first step (Ueda and Nakano 1998).
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> around = up.projections.directions(4, 0.02, whole=True)
         >>> lines = up.data.observe(up.data.digits(16)[:64], around[:4])

@@ -38,7 +38,7 @@ class LearnedPrior(Assignment):
         entropy_weight: factor of log K minus the entropy of p in the generator's loss: it keeps views probable that are
             seldom drawn while the generator is poor.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
         >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views), up.LearnedPrior(rate=0.01))

@@ -33,7 +33,7 @@ class Assignment(ABC):
     Attributes:
         projected_at_once: images that it projects at once between steps, for the estimate of memory.
 
-    Example:
+    Examples:
         >>> import torch, unproject as up
         >>> class AllFirst(up.Assignment):
         ...     def begin(self, panel, seed):
@@ -75,7 +75,7 @@ class Panel:
         UserError: if observations differ in their projections, collections in the shape of their items, or their
             numbers do not match; for a weight or a scale that is not positive.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
         >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views, each=2)
@@ -160,7 +160,7 @@ class AssignmentState(nn.Module):
         heads: (N,) the discriminator's head for each image.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
 
-    Example:
+    Examples:
         >>> import torch, unproject as up
         >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
         >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views))
@@ -231,7 +231,7 @@ class Known(Assignment):
 
     With one collection for several observations, it is the first whose prior contains the image's known latents.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
         >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views)

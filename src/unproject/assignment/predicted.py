@@ -44,7 +44,7 @@ class Rounds:
         least_steps: training steps between two rounds at least; in a short run rounds that come sooner are left out.
         restart: start the generator and the discriminator from new weights after round 1, as the released code does.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> up.Rounds((0.2, 0.5, 0.8)).due(progress=0.6)
         2
@@ -73,7 +73,7 @@ class Predicted(Assignment):
         estimator: how predicted probabilities become views and heads.
         initialiser: gives responsibilities for round 0 (default: none, uniformly random views and one head).
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
         >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views)

@@ -28,7 +28,7 @@ class PredictorFit:
         binarise: threshold images at ½ before the predictor sees them.
         fresh: start from new weights in every round instead of the last round's.
 
-    Example:
+    Examples:
         >>> import torch, unproject as up
         >>> images, views = torch.rand(8, 1, 16, 16), torch.arange(8) % 4
         >>> fit = up.PredictorFit(steps=2, batch=4)

@@ -26,7 +26,7 @@ class Estimator:
             which: only the window with the largest likelihood is used (default: no window).
         clusters: discriminator heads, from k-means of the responsibilities (default: one head a view).
 
-    Example:
+    Examples:
         >>> import torch, unproject as up
         >>> estimator = up.Estimator("argmax", balance=1.0)
         >>> p = estimator.responsibilities(torch.tensor([[0.9, 0.1], [0.7, 0.3]]))

@@ -17,7 +17,7 @@ class Unassigned(Assignment):
     References:
         Gadelha, Maji & Wang 2017, 3D Shape Induction from 2D Views of Multiple Objects (PrGAN).
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
         >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views), up.Unassigned())

@@ -13,7 +13,7 @@ from ._materials import read_maps
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from ..projections.rendering import Rendering
+    from ..projections.rendering import Lighting, Rendering
 
 
 def run(
@@ -99,7 +99,7 @@ def _angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, 
     return theta, phi
 
 
-def _light(text: str) -> tuple[str | Tensor, dict[str, float]]:
+def _light(text: str) -> tuple[Lighting | Tensor, dict[str, float]]:
     """What lights, and its latents."""
     kind, _, rest = text.partition(":")
     if kind == "ambient" and not rest:

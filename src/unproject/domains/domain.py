@@ -35,7 +35,7 @@ class Domain(ABC):
         previewed: how many samples a preview shows.
         scored: how many samples are scored (default of `unproject evaluate --n`).
 
-    Example:
+    Examples:
         >>> import torch, unproject as up
         >>> from PIL import Image
         >>> class Signals(up.Domain):

@@ -22,7 +22,7 @@ from .views import cover_half_a_turn, free_turns, view_bins
 class Images(Domain):
     """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> digits = up.data.digits(32)
         >>> {name: part.shape for name, part in up.Images().arrays(digits[:4]).items()}

@@ -33,7 +33,7 @@ class Maps(Domain):
     Args:
         fresnel: what the specular albedo means, see `ops.microfacet.Reflection`.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> sorted(up.Maps().arrays(up.data.wood(1, 16, 0)))
         ['diffuse', 'fresnel', 'normal', 'roughness', 'specular']

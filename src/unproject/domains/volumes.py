@@ -27,7 +27,7 @@ CRUMB = 0.01
 class Volumes(Domain):
     """Shapes as occupancy (N, X, Y, Z) in [0, 1], y up; turned about y by an unknown view's `azimuth`.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> sorted(up.Volumes().exporters)
         ['gif', 'glb', 'npz', 'obj', 'ply', 'png', 'vox']

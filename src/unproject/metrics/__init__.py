@@ -1,4 +1,4 @@
-"""Scores, each with its protocol: sets of shapes, of images and of views up to gauge, of silhouettes, of materials."""
+"""Scores with protocols: of sets of shapes, images, silhouettes, lines and materials, and of views up to gauge."""
 
 from .confusion import confusion_picture
 from .distances import chamfer, exposed_faces, one_minus_iou, surface_points

@@ -1,4 +1,4 @@
-"""A confusion matrix as a picture: which views were taken for which."""
+"""Pictures of confusion matrices."""
 
 from __future__ import annotations
 
@@ -11,12 +11,20 @@ CELL, MARGIN = 30, 64
 
 
 def confusion_picture(confusion: Tensor) -> Image.Image:
-    """A confusion matrix (K, K) as a picture: rows the true bin, columns the predicted one, darker is more.
+    """Draw a confusion matrix (K, K): rows are the true bin, columns the predicted one, darker is more.
 
-    Each row is shown as percentages of its sum (rows without pictures stay white).
+    Each row is shown as percentages of its sum (rows without images stay white).
+
+    Raises:
+        UserError: for another shape.
+
+    Examples:
+        >>> import torch
+        >>> confusion_picture(torch.eye(4)).size
+        (200, 200)
     """
     if confusion.ndim != 2 or confusion.shape[0] != confusion.shape[1] or confusion.numel() == 0:
-        raise UserError(f"confusion_picture: give a (K, K) matrix, not {tuple(confusion.shape)}")
+        raise UserError(f"confusion_picture: give a matrix (K, K), not {tuple(confusion.shape)}")
     bins = len(confusion)
     share = (confusion.double() / confusion.sum(1, keepdim=True).clamp_min(1)).tolist()
     side = MARGIN + CELL * bins + 16

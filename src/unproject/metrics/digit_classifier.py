@@ -1,7 +1,7 @@
-"""The features that digits are compared on: a small classifier, trained by `tools/train_digit_classifier.py`.
+"""Features of digits from a small classifier, trained by `tools/train_digit_classifier.py`.
 
-Its weights come with the package, so nothing is downloaded; the file says on what it was trained, and how often it
-is right on images that it never saw.
+Its weights are part of the package, so nothing is downloaded; the file's metadata names the training data and the
+accuracy on held-out images.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ class DigitClassifier(nn.Module):
         self.head = nn.Linear(FEATURES, CLASSES)
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, 64) features and (B, 10) logits of images (B, 1, 32, 32) in [0, 1]."""
+        """Return features (B, 64) and logits (B, 10) of images (B, 1, 32, 32) in [0, 1]."""
         features = self.body(images)
         return features, self.head(F.relu(features))
 
 
 @cache
 def digit_classifier() -> DigitClassifier:
-    """The classifier with the weights of the package, in evaluation mode."""
+    """Load the classifier with the weights of the package, in evaluation mode."""
     classifier = DigitClassifier()
     with (
         as_file(files("unproject.metrics") / "digit_classifier.safetensors") as path,
@@ -51,17 +51,23 @@ def digit_classifier() -> DigitClassifier:
 
 @torch.no_grad()
 def digit_features(images: Tensor) -> tuple[Tensor, Tensor]:
-    """(N, 64) features and (N,) classes 0 to 9 of white digits on black, (N, 1, H, W) in [0, 1].
+    """Return features (N, 64) and classes 0 to 9 (N,) of white digits on black, (N, 1, H, W) in [0, 1].
 
-    Other sizes than 32² are resampled.
+    Images of other sizes than 32² are resampled.
 
     Raises:
-        UserError: for other shapes, no image, or NaN.
+        UserError: for other shapes, no image, or values that are not finite.
+
+    Examples:
+        >>> import torch
+        >>> features, classes = digit_features(torch.rand(3, 1, 28, 28))
+        >>> features.shape, classes.shape
+        (torch.Size([3, 64]), torch.Size([3]))
     """
     if images.dim() != 4 or images.shape[1] != 1 or not images.numel():
         raise UserError(f"digit features: give images (N, 1, H, W), not {tuple(images.shape)}")
     if not bool(torch.isfinite(images).all()):
-        raise UserError("digit features: the images have NaN or infinite values")
+        raise UserError("digit features: the images have NaN or infinite values; fix or leave out those images")
     if images.shape[2:] != (SIDE, SIDE):
         images = F.interpolate(images, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=True)
     found = [digit_classifier()(part.float()) for part in images.split(BATCH)]

@@ -21,10 +21,10 @@ COLUMNS = 1 << 14
 
 
 def one_minus_iou(a: Tensor, b: Tensor) -> Tensor:
-    """D[i, j] = 1 - |a_i ∩ b_j| / |a_i ∪ b_j| of what is occupied: strictly above 0.5.
+    """Compute D[i, j] = 1 - |a_i ∩ b_j| / |a_i ∪ b_j| of the occupied cells, those strictly above 0.5.
 
-    Two empty members are equal (0); an empty and a non-empty one are 1 apart. Intersections are matrix
-    products over blocks of the cells, so that the binary copies stay small, and exact up to 2²⁴ cells.
+    The distance of two empty members is 0, of an empty and a non-empty one 1. Intersections are matrix products over
+    blocks of cells, which limits memory, and exact up to 2²⁴ cells.
 
     Args:
         a: (Na, ...) volumes or silhouettes.
@@ -35,6 +35,13 @@ def one_minus_iou(a: Tensor, b: Tensor) -> Tensor:
 
     Raises:
         UserError: if a set is empty, holds NaN or infinity, or the members differ in shape.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> a = torch.tensor([[1.0, 1.0, 0.0, 0.0]])
+        >>> b = torch.tensor([[1.0, 1.0, 0.0, 0.0], [0.0, 1.0, 1.0, 0.0]])
+        >>> up.metrics.one_minus_iou(a, b)
+        tensor([[0.0000, 0.6667]])
     """
     check_set(a, "a")
     check_set(b, "b")
@@ -59,11 +66,11 @@ def _one_minus_iou(a: Tensor, b: Tensor) -> Tensor:
 
 @torch.no_grad()
 def chamfer(points_a: Tensor, points_b: Tensor) -> Tensor:
-    """D[i, j] = mean over p in a_i of min_q |p - q|² + mean over q in b_j of min_p |p - q|².
+    """Compute D[i, j] = mean over p in a_i of min_q |p - q|² + mean over q in b_j of min_p |p - q|².
 
-    The squared, two-sided form of Achlioptas et al., *Learning Representations and Generative Models for 3D
-    Point Clouds*, ICML 2018 (as in PointFlow). |p - q|² comes from one matrix product of (-2p, |p|², 1) and
-    (q, 1, |q|²): rounding is some 1e-6 for points in [-1, 1]³, clamped at 0.
+    The squared, two-sided form of Achlioptas et al., *Learning Representations and Generative Models for 3D Point
+    Clouds*, ICML 2018 (as in PointFlow). |p - q|² is one matrix product of (-2p, |p|², 1) and (q, 1, |q|²), clamped at
+    0; its rounding error is about 1e-6 for points in [-1, 1]³.
 
     Args:
         points_a: (Na, n, D) point sets.
@@ -74,6 +81,12 @@ def chamfer(points_a: Tensor, points_b: Tensor) -> Tensor:
 
     Raises:
         UserError: if a set is empty, holds NaN or infinity, or the points differ in dimension.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> points = torch.tensor([[[0.0, 0.0, 0.0]]])
+        >>> up.metrics.chamfer(points, points + torch.tensor([1.0, 0.0, 0.0]))
+        tensor([[2.]])
     """
     check_set(points_a, "points_a")
     check_set(points_b, "points_b")
@@ -89,7 +102,7 @@ def chamfer(points_a: Tensor, points_b: Tensor) -> Tensor:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Many small operations: on a busy machine waiting for a second thread costs up to 100 times what it saves."""
+    """Run a block in one thread: for many small operations on a busy machine a second one may be 100 times slower."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -114,22 +127,28 @@ def _chamfer_of_two(p: Tensor, q: Tensor, square: Tensor) -> Tensor:
 
 
 def surface_points(volumes: Tensor, n: int, rng: torch.Generator) -> Tensor:
-    """n points a volume, uniform by area on the faces where an occupied voxel meets an empty one.
+    """Draw n points for each volume, uniform by area on the faces between occupied and empty voxels.
 
-    That is the exact surface of the voxel set (above 0.5) in [-1, 1]³, its staircase included; the border of
-    the grid counts as empty. A volume without occupied voxels gives n points at the origin, so that Chamfer,
-    like 1 - IoU, is 0 between two empty ones.
+    These faces are the exact surface of the set of voxels above 0.5 in [-1, 1]³; outside the grid is empty. A volume
+    without occupied voxels gives n points at the origin, so that the Chamfer distance of two empty ones is 0, like
+    1 - IoU.
 
     Args:
         volumes: (B, N, N, N).
         n: points a volume.
-        rng: where the faces and the places on them are drawn from.
+        rng: the source of random draws.
 
     Returns:
         (B, n, 3) points (x, y, z).
 
     Raises:
         UserError: if there are no volumes, they are not cubes, or hold NaN or infinity.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> points = up.metrics.surface_points(torch.ones(1, 8, 8, 8), 100, torch.Generator().manual_seed(0))
+        >>> points.abs().amax(2).unique()  # on the faces of the box
+        tensor([1.])
     """
     check_set(volumes, "volumes")
     if volumes.ndim != 4 or len(set(volumes.shape[1:])) != 1 or n < 1:
@@ -150,7 +169,7 @@ def _points_on(occupied: Tensor, n: int, rng: torch.Generator) -> Tensor:
 
 
 def exposed_faces(occupied: Tensor) -> Tensor:
-    """F[axis, side, x, y, z]: voxel (x, y, z) is occupied and its neighbour below (0) or above (1) is not."""
+    """Return F[axis, side, x, y, z]: voxel (x, y, z) is occupied and its neighbour below (0) or above (1) is not."""
     padded = torch.nn.functional.pad(occupied, (1,) * 6)
     inside = slice(1, -1)
     neighbours = [[padded.roll(shift, axis)[inside, inside, inside] for shift in (1, -1)] for axis in range(3)]
@@ -158,8 +177,8 @@ def exposed_faces(occupied: Tensor) -> Tensor:
 
 
 def check_set(items: Tensor, name: str) -> None:
-    """A set to be scored: at least one member, of rank 1 or more, all of it finite."""
+    """Raise UserError unless a set has at least one member, of rank 1 or more, and is finite."""
     if items.ndim < 2 or items.numel() == 0:
         raise UserError(f"the set {name} of shape {tuple(items.shape)} is empty; give at least one item to score")
     if items.is_floating_point() and not items.isfinite().all():
-        raise UserError(f"the set {name} holds NaN or infinity: nothing can be scored; look for a collapsed run")
+        raise UserError(f"the set {name} holds NaN or infinity; check whether its run has diverged")

@@ -9,13 +9,14 @@ Kernel distance, the unbiased squared maximum mean discrepancy with the cubic ke
     k(a, b) = (a·b / d + 1)³
     KD = Σ_{i≠j} k(x_i, x_j) / m(m-1) + Σ_{i≠j} k(y_i, y_j) / n(n-1) - 2 Σ_{i,j} k(x_i, y_j) / mn
 
-With B(r_i) the ball around reference r_i as large as the distance to its k-th nearest other reference, B(g_j) alike:
+With B(r_i) the ball around reference r_i whose radius is the distance to its k-th nearest other reference, and B(g_j)
+likewise:
 
     precision = share of g in the union of the B(r)       recall = share of r in the union of the B(g)
-    density = Σ_ij [g_j ∈ B(r_i)] / (k · number of g)     coverage = share of r whose own ball holds some g
+    density = Σ_ij [g_j ∈ B(r_i)] / (k · number of g)     coverage = share of r whose ball contains some g
 
-FD falls with the sizes of the sets (its bias is of the order of d/n); KD is 0 on average for two samples of one
-distribution, and may then come out slightly negative; density may exceed 1.
+FD falls with the sizes of the sets (its bias is of the order of d/n); the expectation of KD is 0 for two samples of one
+distribution, so it may be slightly negative; density may exceed 1.
 
 References:
     Heusel et al., GANs trained by a two time-scale update rule, NeurIPS 2017 (Fréchet).
@@ -33,7 +34,20 @@ from .._types import UserError
 
 
 def frechet_distance(x: Tensor, y: Tensor) -> float:
-    """The Fréchet distance, unbiased covariances, in double precision."""
+    """Compute the Fréchet distance with unbiased covariances, in double precision.
+
+    Args:
+        x, y: (m, d) and (n, d).
+
+    Raises:
+        UserError: for fewer than two items in a set, or different d.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.tensor([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        >>> round(up.metrics.frechet_distance(x, x + torch.tensor([3.0, 4.0])), 6)
+        25.0
+    """
     x, y = _checked("Fréchet distance", x, y)
     c_x, c_y = (value.T.cov().reshape(2 * value.shape[1:]) for value in (x, y))
     values, vectors = torch.linalg.eigh(c_x)
@@ -43,7 +57,14 @@ def frechet_distance(x: Tensor, y: Tensor) -> float:
 
 
 def kernel_distance(x: Tensor, y: Tensor) -> float:
-    """The unbiased squared maximum mean discrepancy, cubic kernel."""
+    """Compute the unbiased squared maximum mean discrepancy with the cubic kernel of x (m, d) and y (n, d).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x, y = torch.randn(2, 500, 4, generator=torch.Generator().manual_seed(0))
+        >>> abs(up.metrics.kernel_distance(x, y)) < 0.1 < up.metrics.kernel_distance(x, y + 1)
+        True
+    """
     x, y = _checked("kernel distance", x, y)
     return (_mean_of_pairs(x) + _mean_of_pairs(y) - 2 * cubic_kernel(x, y).mean()).item()
 
@@ -54,12 +75,19 @@ def _mean_of_pairs(x: Tensor) -> Tensor:
 
 
 def cubic_kernel(x: Tensor, y: Tensor) -> Tensor:
-    """K[i, j] = (x_i · y_j / d + 1)³ of (m, d) and (n, d)."""
+    """Compute K[i, j] = (x_i · y_j / d + 1)³ of x (m, d) and y (n, d)."""
     return (x @ y.T / x.shape[1] + 1) ** 3
 
 
 def precision_recall(generated: Tensor, reference: Tensor, k: int = 3) -> tuple[float, float]:
-    """(precision, recall) by balls to the k-th neighbour; give sets of equal size, for both depend on it."""
+    """Return (precision, recall) by balls to the k-th neighbour. Both depend on the sizes: give sets of equal size.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.arange(8.0)[:, None]
+        >>> up.metrics.precision_recall(x, x), up.metrics.precision_recall(x + 100, x)
+        ((1.0, 1.0), (0.0, 0.0))
+    """
     generated, reference = _checked("precision and recall", generated, reference, k + 1)
     across = torch.cdist(generated, reference)
     precision = (across <= _radii(reference, k)).any(1).double().mean()
@@ -68,14 +96,21 @@ def precision_recall(generated: Tensor, reference: Tensor, k: int = 3) -> tuple[
 
 
 def density_coverage(generated: Tensor, reference: Tensor, k: int = 5) -> tuple[float, float]:
-    """(density, coverage) by balls to the k-th neighbour, those of the references alone."""
+    """Return (density, coverage) by balls to the k-th neighbour around the references.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.arange(8.0)[:, None]
+        >>> up.metrics.density_coverage(x + 100, x)
+        (0.0, 0.0)
+    """
     generated, reference = _checked("density and coverage", generated, reference, k + 1)
     inside = torch.cdist(generated, reference) <= _radii(reference, k)
     return inside.double().sum().item() / (k * len(generated)), inside.any(0).double().mean().item()
 
 
 def _radii(x: Tensor, k: int) -> Tensor:
-    """The distance of each row to its k-th nearest other row."""
+    """Return the distance of each row to its k-th nearest other row."""
     return torch.cdist(x, x).fill_diagonal_(float("inf")).kthvalue(k, dim=1).values
 
 

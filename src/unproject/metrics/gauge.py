@@ -1,19 +1,19 @@
-"""Gauge: the turn and the reflection that silhouettes, or line integrals, of unknown view cannot tell.
+"""Gauge: the rotation and reflection that silhouettes, or line integrals, of unknown view leave undetermined.
 
-With P(x, k) the orthographic silhouette of x in azimuth bin k of K (centre 2πk/K, elevation 0), T_t the turn
+With P(x, k) the orthographic silhouette of x in azimuth bin k of K (centre 2πk/K, elevation 0), T_t the rotation
 `rotate_y` by 2πt/K and F the reflection of x into -x,
 
-    P(T_t x, k) = P(x, k + t)                 the turned shape, one bin earlier
-    P(F x, k)   = mirror of P(x, -k)          a reflected shape seen from the reflected side
-                = P(x, K/2 - k)               for the mirror of P(x, k) is P(x, k + K/2): seen from behind
+    P(T_t x, k) = P(x, k + t)                 the rotated shape, t bins earlier
+    P(F x, k)   = mirror of P(x, -k)          a reflected shape from the reflected view
+                = P(x, K/2 - k)               as the mirror of P(x, k) is P(x, k + K/2), the opposite view
 
-so every shape of the dihedral family T_t F^r explains the same pictures after the views are relabelled
-k → k + t or k → K/2 - t - k. Perspective and tilted cameras break the last line, not the group: there a
-reflection changes the pictures, and the best gauge tells whether it was found out.
+so every shape of the dihedral family T_t F^r has the same silhouettes after the views are relabelled k → k + t or
+k → K/2 - t - k. With perspective and tilted cameras the last line does not hold: a reflection changes the silhouettes,
+and is then determined by them.
 
-Images and their line integrals at the angles 2πk/K obey the same two laws, with T_t the turn by -2πt/K
-(`rotate_image`) and F the exchange of left and right. When the angles cover half a turn only, K is twice their
-number, and k + K/2, which sees the same in the other direction, is called k: views are then relabelled modulo K/2.
+Images and their line integrals at the angles 2πk/K obey the same two laws, with T_t the rotation by -2πt/K
+(`rotate_image`) and F the exchange of left and right. If the angles cover half a turn only, K is twice their number,
+and k + K/2, whose line is the same in reverse order, is identified with k: views are relabelled modulo K/2.
 """
 
 from __future__ import annotations
@@ -34,10 +34,16 @@ VOLUMES_AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Gauge:
-    """T_turn F^reflected: first reflect in x (if `reflected`), then turn by 2π · turn / bins.
+    """T_turn F^reflected: first reflect in x (if `reflected`), then rotate by 2π · turn / bins.
 
     Raises:
-        UserError: if `bins` is odd, for then a reflection does not send bins to bins.
+        UserError: if `bins` is odd, since a reflection then does not map bins to bins.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> gauge = up.metrics.Gauge(turn=3, bins=16)
+        >>> gauge.view(torch.tensor([0, 15])), str(gauge.inverse)
+        (tensor([3, 2]), 'turn 13/16')
     """
 
     turn: int = 0
@@ -51,21 +57,21 @@ class Gauge:
 
     @property
     def azimuth(self) -> float:
-        """The turn in radians, in [0, 2π)."""
+        """The rotation in radians, in [0, 2π)."""
         return 2 * math.pi * self.turn / self.bins
 
     @property
     def inverse(self) -> Gauge:
-        """The gauge that undoes this one; a reflected one undoes itself: T F T F = T T⁻¹."""
+        """The inverse gauge; a reflected one is its own inverse: T F T F = T T⁻¹."""
         return self if self.reflected else Gauge(-self.turn, False, self.bins)
 
     def after(self, first: Gauge) -> Gauge:
-        """The one gauge that does `first` and then this one."""
+        """Return the composition of `first` and then this one."""
         turn = self.turn + (-first.turn if self.reflected else first.turn)
         return Gauge(turn, self.reflected != first.reflected, self.bins)
 
     def view(self, k: Tensor) -> Tensor:
-        """The bin in which x looks as T F x looks in bin k (see the module): integers, any shape."""
+        """Return the bin in which x has the silhouette that T F x has in bin k: integers, any shape."""
         turned = self.bins // 2 - self.turn - k if self.reflected else k + self.turn
         return turned.remainder(self.bins)
 
@@ -74,15 +80,15 @@ class Gauge:
 
 
 def dihedral(bins: int = 16) -> tuple[Gauge, ...]:
-    """All 2 · bins gauges, the identity first, the turns before the reflected turns."""
+    """Return all 2 · bins gauges, the identity first, rotations before reflected ones."""
     return tuple(Gauge(turn, reflected, bins) for reflected in (False, True) for turn in range(bins))
 
 
 def apply(volumes: Tensor, gauge: Gauge) -> Tensor:
-    """T_turn F^reflected of each volume (B, X, Y, Z).
+    """Apply T_turn F^reflected to each volume (B, X, Y, Z).
 
-    Quarter turns are exact index permutations. Other turns resample trilinearly, and what leaves the grid
-    (outside the cylinder of radius 1) is lost: such gauges score slightly below their true value.
+    Quarter turns are exact index permutations. Other rotations interpolate trilinearly, and what leaves the grid
+    (outside the cylinder of radius 1) is lost, so such gauges score slightly below their true value.
     """
     volumes = reflect_x(volumes) if gauge.reflected else volumes
     quarters, rest = divmod(4 * gauge.turn, gauge.bins)
@@ -96,9 +102,9 @@ def _turned(volumes: Tensor, azimuth: float) -> Tensor:
 
 
 def apply_to_images(images: Tensor, gauge: Gauge) -> Tensor:
-    """T_turn F^reflected of each image (B, C, H, W): left and right exchanged first, then turned clockwise.
+    """Apply T_turn F^reflected to each image (B, C, H, W): first exchange left and right, then rotate clockwise.
 
-    Bilinear but for quarter turns of square images, which are permutations; what leaves the image is lost.
+    Quarter turns of square images are permutations, others bilinear; what leaves the image is lost.
     """
     images = images.flip(3) if gauge.reflected else images
     quarters, rest = divmod(4 * gauge.turn, gauge.bins)
@@ -109,16 +115,16 @@ def apply_to_images(images: Tensor, gauge: Gauge) -> Tensor:
 
 @torch.no_grad()
 def best_gauge(generated: Tensor, reference: Tensor, bins: int = 16) -> Gauge:
-    """argmin over g of MMD(1 - IoU) of (g · generated, reference): one gauge for the whole set.
+    """Return argmin over gauges g of MMD(1 - IoU) of (g · generated, reference), one gauge for the whole set.
 
-    A gauge chosen on the shapes that are then scored flatters the score a little (it is the best of 2 · bins):
-    choose it on other shapes of the same family, such as the training shapes, when there are any. The first
-    of equal gauges is taken, so the identity unless another is strictly better.
+    A gauge chosen on the shapes that are then scored biases the score (it is the best of 2 · bins): choose it on other
+    shapes of the same data set, such as the training shapes, if there are any. The first of equal gauges is taken, so
+    the identity unless another is strictly better.
 
     Args:
         generated: (Ng, N, N, N) volumes.
         reference: (Nr, N, N, N) volumes, upright and all in one frame.
-        bins: turns are multiples of 2π / bins.
+        bins: rotations are multiples of 2π / bins.
 
     Raises:
         UserError: for empty sets, NaN, volumes of different sizes, or an odd number of bins.

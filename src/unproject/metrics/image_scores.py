@@ -1,4 +1,4 @@
-"""How near generated images are to held-out ones, on the features of the digit classifier: see `feature_sets`."""
+"""Distances between generated and held-out images of digits, on the features of the digit classifier."""
 
 from __future__ import annotations
 
@@ -24,23 +24,30 @@ def image_scores(
     bins: int | None = None,
     seed: int = 0,
 ) -> dict[str, Score]:
-    """Distances of two sets of images of white figures on black.
+    """Score generated images of digits, white on black, against reference images.
 
     Args:
         generated: (G, 1, H, W) in [0, 1].
         reference: (R, 1, H, W), upright.
-        selection: other images of the reference's family, to choose the gauge on; the references themselves if None,
-            which flatters a little and is said in the protocol. At most 1000 are used, and at most 1000 generated.
-        bins: the gauge's turns are multiples of 2π / bins; None scores the images as they stand.
-        seed: of what is drawn from larger sets.
+        selection: other images of the reference's distribution, on which the gauge is chosen (default: the references,
+            which biases the scores a little; the protocol names it). At most 1000 are used, and at most 1000 generated.
+        bins: the gauge's rotations are multiples of 2π / bins (default: no gauge).
+        seed: of the subsets drawn from larger sets.
 
     Returns:
         `frechet`, `kernel_image`, `precision`, `recall`, `density`, `coverage`; `class_distance`, half the sum of
         the differences between the sets' shares of digits, and `class_0` to `class_9`, the generated set's shares;
-        and, unless bins is None, `gauge_turn` and `gauge_reflected`, what was applied to the generated set.
+        and, unless bins is None, `gauge_turn` and `gauge_reflected`, which were applied to the generated set.
 
     Raises:
         UserError: for sets of fewer than six images, images of different sizes, or NaN.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> images = torch.rand(8, 1, 32, 32, generator=torch.Generator().manual_seed(0))
+        >>> scores = up.metrics.image_scores(images, images)
+        >>> scores["precision"].value, scores["precision"].n
+        (1.0, 8)
     """
     if generated.shape[1:] != reference.shape[1:] or min(len(generated), len(reference)) < 6:
         raise UserError(
@@ -67,7 +74,7 @@ def image_scores(
 
 
 def best_image_gauge(generated: Tensor, reference: Tensor, bins: int) -> Gauge:
-    """The gauge g with the least Fréchet distance of (g · generated, reference): one for the whole set."""
+    """Return the gauge g with the least Fréchet distance of (g · generated, reference), one for the whole set."""
     wanted, _ = digit_features(reference)
 
     def distance(gauge: Gauge) -> float:

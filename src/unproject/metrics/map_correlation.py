@@ -1,4 +1,4 @@
-"""Correlations between the maps of materials, scale by scale: whether roughness goes with colour, relief with gloss.
+"""Correlations between the maps of materials by scale, such as of roughness with colour or of relief with gloss.
 
 Four fields of a material (B, 8, H, W):
 
@@ -7,20 +7,20 @@ Four fields of a material (B, 8, H, W):
     roughness   roughness
     normal      height h whose slopes the normals are: argmin_h Σ |∇h - g|², g = (-n_x / n_z, -n_y / n_z)
 
-h in texels. n_z counts as 0.1 at least; the material's mean slope is taken away first, so that a tilted sample is not a
-ramp. The least squares has natural borders: Δh = div g, solved by a cosine transform.
+h in texels. n_z is clamped at 0.1; the material's mean slope is subtracted first, so that a tilted sample is not a
+ramp. The least-squares problem has natural boundary conditions: Δh = div g, solved by a cosine transform.
 
-Each field is split into the bands of a Laplacian pyramid (see `patches`) down to a shorter side of 8, whose rest is
-taken less the material's mean; scales are named by that side, "64" being the finest of 64² maps. The last scale,
-"mean", has one value a material: the mean of the field, but for the normal, whose mean height nothing says, the RMS of
-|g|. For fields a, b at a scale, over all texels of all materials,
+Each field is split into the bands of a Laplacian pyramid (see `patches`) down to a shorter side of 8; the low-pass rest
+is taken less the material's mean. Scales are named by that side, "64" being the finest of 64² maps. The last scale,
+"mean", has one value a material: the mean of the field or, for the normal, whose mean height is undetermined, the RMS
+of |g|. For fields a, b at a scale, over all texels of all materials,
 
     ρ = cov(a, b) / √(var(a) var(b)),     0 if a deviation is below 1e-5
 
-and the error of a generated set is the root mean square of ρ_generated - ρ_true over scales and the six pairs. No
-map's own distribution enters: a set whose maps are right but were shuffled among the materials fails here alone.
-Materials of much contrast count most, since a scale is pooled. A sample of N materials leaves an error of some 1/√N at
-"mean" and less at finer scales.
+and the error of a generated set is the root mean square of ρ_generated - ρ_true over scales and the six pairs. The
+distributions of single maps do not enter: of all scores, only this one detects maps shuffled among the materials.
+Texels of a scale are pooled, so materials of high contrast have most weight. For samples of N materials the error is
+about 1/√N at "mean" and less at finer scales.
 
 References:
     Li, Dong, Peers and Tong, CVPR 2019: separate projections of the maps keep them corresponding.
@@ -64,19 +64,22 @@ class CorrelationTable:
 
 @dataclass(frozen=True)
 class CorrelationError:
-    """Two tables of the same scales and how far apart they are: root mean squares of their differences."""
+    """Two tables of the same scales, and root mean squares of their differences."""
 
     generated: CorrelationTable
     truth: CorrelationTable
 
     @property
     def overall(self) -> float:
+        """Over all scales and pairs."""
         return self._square().mean().sqrt().item()
 
     def by_scale(self) -> dict[str, float]:
+        """Return the error of each scale, over pairs."""
         return dict(zip(self.truth.scales, self._square().mean(1).sqrt().tolist()))
 
     def by_pair(self) -> dict[tuple[str, str], float]:
+        """Return the error of each pair of maps, over scales."""
         return dict(zip(PAIRS, self._square().mean(0).sqrt().tolist()))
 
     def _square(self) -> Tensor:
@@ -85,7 +88,7 @@ class CorrelationError:
 
 @torch.no_grad()
 def correlation_error(generated: Tensor, truth: Tensor) -> CorrelationError:
-    """How far the cross-map correlations of generated materials (G, 8, H, W) are from those of true ones (T, 8, H, W).
+    """Compare the cross-map correlations of generated materials (G, 8, H, W) with those of true ones (T, 8, H, W).
 
     Raises:
         UserError: for sets of fewer than two materials, different sizes, sides below 16, or NaN.
@@ -96,7 +99,7 @@ def correlation_error(generated: Tensor, truth: Tensor) -> CorrelationError:
 
 @torch.no_grad()
 def map_correlations(maps: Tensor) -> CorrelationTable:
-    """The correlations between the four fields of materials (N, 8, H, W), scale by scale.
+    """Compute the correlations between the four fields of materials (N, 8, H, W) at each scale.
 
     Raises:
         UserError: for fewer than two materials, other than eight channels, a side below 8, or NaN.
@@ -115,7 +118,7 @@ def map_correlations(maps: Tensor) -> CorrelationTable:
 
 
 def _correlations(moments: Tensor) -> Tensor:
-    """Pearson's ρ of each pair from the sums of products of (1, fields), (5, 5)."""
+    """Compute Pearson's ρ of each pair from the sums (5, 5) of products of (1, fields)."""
     mean, square = moments[0, 1:] / moments[0, 0], moments[1:, 1:] / moments[0, 0]
     covariance = square - mean * mean[:, None]
     deviation = covariance.diag().clamp_min(0).sqrt()
@@ -126,7 +129,7 @@ def _correlations(moments: Tensor) -> Tensor:
 
 
 def _bands(maps: Tensor) -> dict[str, Tensor]:
-    """Each scale's band (n, 4, h, w) of the fields; "mean" is (n, 4)."""
+    """Return the band (n, 4, h, w) of the fields at each scale; "mean" is (n, 4)."""
     slopes = _slopes(unpack_maps(maps)["normal"])
     x = torch.cat([_albedos(maps), heights(slopes)], 1)
     mean = x.mean((2, 3), keepdim=True)
@@ -139,22 +142,22 @@ def _bands(maps: Tensor) -> dict[str, Tensor]:
 
 
 def _albedos(maps: Tensor) -> Tensor:
-    """(n, 3, H, W): luminance, specular, roughness."""
+    """Return luminance, specular and roughness, (n, 3, H, W)."""
     found = unpack_maps(maps)
     return torch.cat([luminance(found["diffuse"]), found["specular"], found["roughness"]], 1)
 
 
 def _slopes(normal: Tensor) -> Tensor:
-    """∂h along columns (x) and rows (-y) in texels, (n, 2, H, W), less their means."""
+    """Return ∂h along columns (x) and rows (-y) in texels, (n, 2, H, W), less their means."""
     x, y, z = normal.unbind(1)
     slopes = torch.stack([-x, y], 1) / z.clamp_min(LEAST_Z)[:, None]
     return slopes - slopes.mean((2, 3), keepdim=True)
 
 
 def heights(slopes: Tensor) -> Tensor:
-    """The height (n, 1, H, W), of mean 0, that fits the slopes (n, 2, H, W) along columns and rows best.
+    """Return the height (n, 1, H, W), of mean 0, that best fits slopes (n, 2, H, W) along columns and rows.
 
-    The difference of two neighbours is to be the mean of their slopes; exact if the slopes are such differences.
+    In the least-squares sense, with the mean of the slopes of two neighbours as the target of their difference.
     """
     along, down = slopes[:, 0], slopes[:, 1]
     zero = torch.nn.functional.pad
@@ -168,7 +171,7 @@ def heights(slopes: Tensor) -> Tensor:
 
 @lru_cache(maxsize=16)
 def _cosines(n: int) -> tuple[Tensor, Tensor]:
-    """Eigenvectors (rows) and eigenvalues of the second difference of n samples with natural ends."""
+    """Return eigenvectors (rows) and eigenvalues of the second difference of n samples with natural ends."""
     k = torch.arange(n, dtype=torch.float64)
     basis = torch.cos(math.pi / n * k[:, None] * (k + 0.5)) * math.sqrt(2 / n)
     basis[0] /= math.sqrt(2)

@@ -1,15 +1,15 @@
-"""How near generated materials are to true ones: each map, what they look like, and how their maps go together.
+"""Scores of generated against true materials: each map, renderings, and correlations between maps.
 
 ========================== ======================================================================================
 `patch_MAP`                sliced Wasserstein distance of patches, mean of levels (`patches`)
 `kernel_MAP`               kernel distance of texture features (`patches`)
 `correlation_error...`     cross-map correlations: overall, by scale, by pair of maps (`map_correlation`)
-`diversity`                mean distance of two generated materials over that of two true ones
+`diversity`                mean distance between generated materials over that between true ones
 `precision` ... `coverage` balls around the texture features of all maps (`feature_sets`)
 ========================== ======================================================================================
 
-MAP is diffuse, specular, roughness or normal, or the name of a rendering that the caller made of both sets.
-All of it is made by hand: no weights, none learned and none downloaded.
+MAP is diffuse, specular, roughness or normal, or the name of a rendering of both sets. No feature is learned, so no
+weights are downloaded.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ Pair = tuple[Tensor, Tensor]
 def material_scores(
     generated: Tensor, truth: Tensor, seed: int = 0, rendered: Mapping[str, Pair] | None = None
 ) -> dict[str, Score]:
-    """Scores of generated materials against true ones.
+    """Score generated materials against true ones.
 
-    Most depend on the sizes of the sets, which are part of the protocol: score a baseline, such as other true
-    materials, with as many.
+    Most scores depend on the sizes of the sets, which are part of the protocol: compare with a baseline, such as other
+    true materials, of the same size.
 
     Args:
         generated: (G, 8, H, W) as `ops.maps` packs them.
         truth: (T, 8, H, W).
-        seed: of the patches and of what is drawn from larger sets.
+        seed: of the patches and of the subsets drawn from larger sets.
         rendered: name → renderings of generated and of true materials, (N, 3, H, W) each, under one light and view.
 
     Returns:
@@ -81,7 +81,7 @@ def _sizes(generated: Tensor, truth: Tensor) -> str:
 
 
 def _texture_scores(name: str, pair: Pair, seed: int) -> tuple[dict[str, Score], tuple[list[Tensor], list[Tensor]]]:
-    """The patch and the kernel distance of a pair of sets of images, and the groups of features of both."""
+    """Return the patch and the kernel distance of two sets of images, and the groups of features of both."""
     n, sizes = len(pair[0]), _sizes(*pair)
     groups = texture_features(pair[0]), texture_features(pair[1])
     x, y = standardised(*groups)
@@ -116,7 +116,7 @@ def _correlation_scores(generated: Tensor, truth: Tensor) -> dict[str, Score]:
 
 
 def _set_scores(features: Sequence[tuple[list[Tensor], list[Tensor]]], sizes: str, seed: int) -> dict[str, Score]:
-    """Diversity and balls on the features of all maps together, of sets of equal size."""
+    """Compute diversity, precision, recall, density and coverage on the features of all maps, of sets of equal size."""
     x, y = standardised(*([group for side in sides for group in side] for sides in zip(*features)))
     least = min(len(x), len(y), MOST)
     x, y = x[drawn(len(x), least, seed)], y[drawn(len(y), least, seed)]
@@ -134,5 +134,5 @@ def _set_scores(features: Sequence[tuple[list[Tensor], list[Tensor]]], sizes: st
 
 
 def _spread(x: Tensor) -> float:
-    """The mean distance of two different rows."""
+    """Return the mean distance of two different rows."""
     return torch.pdist(x).mean().item()

@@ -1,4 +1,4 @@
-"""Distances of two sets of images by their texture, without learned weights: patches and filter responses.
+"""Texture distances of two sets of images, without learned weights: patches and filter responses.
 
 *Laplacian pyramid* of an image, with b the binomial filter (1, 4, 6, 4, 1)/16 along both axes, borders reflected:
 
@@ -10,20 +10,20 @@ down to a shorter side of 16.
 
     SWD_l = 1/K Σ_w W1({w·p / s}, {w·q / s}),     W1 = ∫₀¹ |F⁻¹(t) - G⁻¹(t)| dt
 
-for patches p of the generated and q of the true set, at the same random places in every image. Karras et al. take
-away each set's own mean and deviation of a channel, which hides wrong colours and wrong contrast. Here nothing is
-taken away, and both sets are divided by the *truth's* deviation s of the channel in that band (1/255 at least): the
-unit is the truth's deviation, for every band and map. Unequal sets are compared exactly, quantile by quantile.
+for patches p of the generated and q of the true set, at the same random places in every image. Karras et al. normalise
+each set by its own mean and deviation of a channel, which hides wrong colours and wrong contrast. Here both sets are
+divided by the *truth's* deviation s of the channel in that band (1/255 or more) and nothing is subtracted: the unit is
+the truth's deviation, for every band and map. Sets of different sizes are compared exactly, quantile by quantile.
 
-*Texture features* of an image, in its own unit: per channel the mean and the deviation, the deviations of the
+*Texture features* of an image, in the unit of its values: per channel the mean and the deviation, the deviations of the
 differences of any two channels (together: the covariance); and at each octave g_l, per channel and direction u of four
 (0°, 45°, 90°, 135°), with r = ∂_u G * g_l, s = ∂²_u G * g_l, G a Gaussian of one texel of that octave,
 
     rms of max(r, 0), max(-r, 0), max(s, 0), max(-s, 0);   mean of the local energy √(r² + s²)
 
-Features are standardised by the truth's mean and deviation (1/255 at least), and each group, colour or an octave,
-weighs the same: a·b / d is the mean over groups of the mean product. *Kernel distance*: `feature_sets` on these. Two
-samples of N of one distribution are some ±2/N apart, and -1/N on average, for the truth is standardised by itself.
+Features are standardised by the truth's mean and deviation (1/255 or more), and each group, colour or an octave, has
+the same weight: a·b / d is the mean over groups of the mean product. *Kernel distance*: `feature_sets` on these. For
+two samples of N of one distribution it is about ±2/N, and -1/N on average, as the truth is standardised by itself.
 
 References:
     Karras et al., Progressive growing of GANs, ICLR 2018 (sliced Wasserstein distance on a Laplacian pyramid).
@@ -53,7 +53,7 @@ SMALLEST = 16
 SIDE = 7
 PROJECTIONS = 256
 FEWEST, WANTED = 16, 1 << 12
-"""Patches of an image at a level: enough for WANTED in the larger set, at least FEWEST."""
+"""Patches of an image at a level: WANTED over the number of images in the larger set, but FEWEST or more."""
 
 QUANTUM = 1 / 255
 CHUNK = 32
@@ -61,13 +61,13 @@ BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
 
 
 def laplacian_pyramid(x: Tensor, smallest: int = SMALLEST) -> list[Tensor]:
-    """Bands of (..., H, W), finest first; the last is the low-pass rest, its shorter side at least `smallest`."""
+    """Return the bands of (..., H, W), finest first; the low-pass rest is last, its shorter side `smallest` or more."""
     levels = gaussian_pyramid(x, smallest)
     return [fine - _twice(coarse, *fine.shape[-2:]) for fine, coarse in pairwise(levels)] + [levels[-1]]
 
 
 def gaussian_pyramid(x: Tensor, smallest: int = SMALLEST) -> list[Tensor]:
-    """x (..., H, W), blurred and halved again and again as long as the shorter side is at least `smallest`."""
+    """Return x (..., H, W), repeatedly blurred and halved while the shorter side is at least `smallest`."""
     levels = [x]
     while min(side + 1 for side in levels[-1].shape[-2:]) // 2 >= smallest:
         rows, columns = (_filter(side, BINOMIAL)[::2] for side in levels[-1].shape[-2:])
@@ -82,19 +82,19 @@ def _twice(coarse: Tensor, height: int, width: int) -> Tensor:
 
 @lru_cache(maxsize=64)
 def _filter(n: int, taps: tuple[float, ...]) -> Tensor:
-    """The matrix (n, n) that filters n samples with `taps`, reflected at both ends."""
+    """Return the matrix (n, n) that filters n samples with `taps`, reflected at both ends."""
     reach = len(taps) // 2
     steps = pad(torch.eye(n)[:, None], (reach, reach), mode="reflect")
     return conv1d(steps, torch.tensor(taps)[None, None])[:, 0].T.contiguous()
 
 
 def chunks(x: Tensor) -> Iterator[Tensor]:
-    """x in small parts, on the CPU and in single precision: what is scored at a time fits a processor's cache."""
+    """Split x into parts that fit a processor's cache, on the CPU and in single precision."""
     return (part.detach().cpu().float() for part in x.split(CHUNK))
 
 
 def check_pair(generated: Tensor, truth: Tensor, least: int = 2, what: str = "images") -> None:
-    """Two sets (N, C, H, W) that can be compared.
+    """Check that two sets (N, C, H, W) can be compared.
 
     Raises:
         UserError: for fewer than `least` items, different sizes, a side below 16, or NaN.
@@ -128,14 +128,14 @@ class PatchDistance:
 
 @dataclass(frozen=True)
 class _Probe:
-    """Where a level is looked at, P places (row, column), and along which K directions, weights (K, C·49)."""
+    """The patches and projections of a level: P places (row, column) and K directions, weights (K, C·49)."""
 
     rows: Tensor
     columns: Tensor
     weights: Tensor
 
     def __call__(self, band: Tensor) -> Tensor:
-        """(n, C, H, W) to the projected patches (K, n·P)."""
+        """Project the patches of (n, C, H, W) to (K, n·P)."""
         patches = band.unfold(2, SIDE, 1).unfold(3, SIDE, 1)[:, :, self.rows, self.columns]
         return self.weights @ patches.transpose(1, 2).flatten(2).flatten(0, 1).T
 
@@ -144,20 +144,26 @@ class _Probe:
 def patch_distance(
     generated: Tensor, truth: Tensor, *, seed: int = 0, projections: int = PROJECTIONS, patches: int | None = None
 ) -> PatchDistance:
-    """The sliced Wasserstein distance of 7×7 patches, level by level.
+    """Compute the sliced Wasserstein distance of 7×7 patches, level by level.
 
-    0 for a set against itself, in any order. Two finite samples of one distribution are some way apart, the further
-    the smaller they are: score a baseline of the same size.
+    It is 0 for a set against itself, in any order. For two finite samples of one distribution it is positive, the
+    larger the smaller they are: compare with a baseline of the same size.
 
     Args:
         generated: (G, C, H, W).
         truth: (T, C, H, W), whose deviations are the unit.
         seed: of the places and the directions.
         projections: directions a level.
-        patches: of an image at a level; enough for 4096 in the larger set, at least 16, if None.
+        patches: of an image at a level (default: 4096 in the larger set, but 16 or more).
 
     Raises:
         UserError: for sets of fewer than two images, different sizes, sides below 16, or NaN.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> images = torch.rand(4, 1, 32, 32, generator=torch.Generator().manual_seed(0))
+        >>> up.metrics.patch_distance(images, images.flip(0), patches=16).levels
+        {32: 0.0, 16: 0.0}
     """
     check_pair(generated, truth)
     wanted = patches or max(FEWEST, math.ceil(WANTED / max(len(generated), len(truth))))
@@ -171,7 +177,7 @@ def patch_distance(
 
 
 def _deviations(truth: Tensor) -> list[tuple[torch.Size, Tensor]]:
-    """Size (C, H, W) of each band and the deviation (C,) of each channel in it, over texels and images."""
+    """Return the size (C, H, W) of each band and the deviation (C,) of each channel in it, over texels and images."""
     sizes, sums = [], []
     for part in chunks(truth):
         bands = [band.double() for band in laplacian_pyramid(part)]
@@ -192,7 +198,7 @@ def _probe(size: torch.Size, deviation: Tensor, patches: int, projections: int, 
 
 
 def _projected(images: Tensor, probes: Sequence[_Probe]) -> list[Tensor]:
-    """(K, N·P) of each level."""
+    """Return the projected patches (K, N·P) of each level."""
     parts = [[probe(band) for probe, band in zip(probes, laplacian_pyramid(part))] for part in chunks(images)]
     return [torch.cat(level, 1) for level in zip(*parts)]
 
@@ -203,7 +209,7 @@ def _sliced(x: Tensor, y: Tensor) -> float:
 
 
 def wasserstein(x: Tensor, y: Tensor) -> Tensor:
-    """W1 = ∫₀¹ |F⁻¹ - G⁻¹| of each row of x (K, m) and y (K, n), exactly, to (K,).
+    """Compute W1 = ∫₀¹ |F⁻¹ - G⁻¹| (K,) of each row of x (K, m) and y (K, n), exactly.
 
     The quantile functions are constant between the multiples of 1/m and of 1/n.
     """
@@ -218,9 +224,9 @@ def wasserstein(x: Tensor, y: Tensor) -> Tensor:
 
 @torch.no_grad()
 def kernel_patches(generated: Tensor, truth: Tensor) -> float:
-    """The unbiased cubic-kernel distance of the texture features of two sets of images (N, C, H, W).
+    """Compute the unbiased cubic-kernel distance of the texture features of two sets of images (N, C, H, W).
 
-    About 0 for two samples of one distribution, or slightly negative; nothing is drawn.
+    About 0 for two samples of one distribution, possibly negative. It is deterministic.
 
     Raises:
         UserError: for sets of fewer than two images, different sizes, sides below 16, or NaN.
@@ -231,7 +237,7 @@ def kernel_patches(generated: Tensor, truth: Tensor) -> float:
 
 @torch.no_grad()
 def texture_features(images: Tensor) -> list[Tensor]:
-    """Groups of features of (N, C, H, W): colour (N, 2C + C(C-1)/2), then (N, 20C) of each octave, finest first."""
+    """Return features of (N, C, H, W) in groups: colour (N, 2C + C(C-1)/2), then (N, 20C) an octave, finest first."""
     parts = [[_colours(part), *map(_octave, gaussian_pyramid(part))] for part in chunks(images)]
     return [torch.cat(group) for group in zip(*parts)]
 
@@ -253,7 +259,7 @@ def _octave(x: Tensor) -> Tensor:
 
 
 def _derivatives(x: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
-    """First and second derivative along 0°, 45°, 90° and 135° of x blurred by a Gaussian of one texel."""
+    """Yield first and second derivative along 0°, 45°, 90° and 135° of x blurred by a Gaussian of one texel."""
     (rows, d_rows, dd_rows), (columns, d_columns, dd_columns) = (
         [_filter(side, taps) for taps in _gaussian_taps()] for side in x.shape[-2:]
     )
@@ -268,7 +274,7 @@ def _derivatives(x: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
 
 @lru_cache(maxsize=1)
 def _gaussian_taps() -> tuple[tuple[float, ...], ...]:
-    """G, G' and G'' of deviation 1 at the integers, so scaled that 1, t and t²/2 have response 1, and 1 none to G''."""
+    """Return G, G' and G'' of deviation 1 at the integers: 1, t and t²/2 have response 1, and 1 has 0 to G''."""
     t = np.arange(-4, 5)
     blur = np.exp(-(t**2) / 2)
     first, second = t * blur, (t**2 - (t**2 * blur).sum() / blur.sum()) * blur
@@ -277,9 +283,9 @@ def _gaussian_taps() -> tuple[tuple[float, ...], ...]:
 
 
 def standardised(generated: Sequence[Tensor], truth: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-    """Groups of features side by side, (G, d) and (T, d): by the truth's mean and deviation, the groups of one weight.
+    """Standardise groups of features by the truth's mean and deviation, and join them: (G, d) and (T, d).
 
-    With d features in all, x·y / d is the mean over groups of the mean product of features.
+    Groups have equal weight: with d features in all, x·y / d is the mean over groups of the mean product of features.
     """
     total = sum(group.shape[1] for group in truth)
     sides: tuple[list[Tensor], list[Tensor]] = ([], [])

@@ -1,6 +1,6 @@
-"""Score: a number that says how it was measured.
+"""Score: a number with the protocol of its measurement.
 
-Two numbers may be compared only if their protocols are the same string.
+Only scores with equal protocols are comparable.
 """
 
 from __future__ import annotations
@@ -10,13 +10,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Score:
-    """What `unproject evaluate --json` prints for one metric.
+    """The value of one metric, as `unproject evaluate --json` prints it.
 
     Attributes:
         value: the number.
-        protocol: everything it depends on but the data: distance, threshold, set sizes, gauge, points.
-        n: how many generated or predicted items were scored.
-        seed: of the random draws of the measurement itself; 0 where it draws nothing.
+        protocol: all it depends on besides the data: distance, threshold, set sizes, gauge, points.
+        n: number of generated or predicted items that were scored.
+        seed: of the random draws of the measurement; 0 if it draws nothing.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.metrics.Score(0.31, "mmd(1-iou), 32^3 at 0.5, 100 generated vs 100 reference", n=100).value
+        0.31
     """
 
     value: float

@@ -1,7 +1,7 @@
 """MMD, COV and 1-NNA of generated volumes against reference volumes, on 1 - IoU and on Chamfer distance.
 
-The gauge is removed first, once for the whole set. Every score names its protocol; see `shape_sets` for the
-formulas, `distances` for the distances and `gauge` for what is removed.
+The gauge is removed first, once for the whole set. See `shape_sets` for the formulas, `distances` for the distances and
+`gauge` for the gauge.
 """
 
 from __future__ import annotations
@@ -31,30 +31,37 @@ def shape_scores(
     points: int = 512,
     seed: int = 0,
 ) -> dict[str, Score]:
-    """How near generated volumes are to reference volumes.
+    """Score generated volumes against reference volumes.
 
-    Sizes matter to all of them, so they are part of the protocol: score a baseline, such as the training set
-    itself, with as many shapes. MMD and COV come twice: of the sets whole, and of equal sizes as the literature has
-    them, there as the mean over all choices of so many of the generated shapes. 1-NNA draws as many from the
-    larger set as the smaller one has, because it is 0.5 at best only for equal sizes.
+    All scores depend on the sizes of the sets, which are part of the protocol: compare with a baseline, such as the
+    training set, of the same size. MMD and COV are given twice: for the whole sets and, as in the literature, for sets
+    of equal size, as the mean over all choices of so many generated shapes. 1-NNA is computed for equal sizes only, on
+    a subset drawn from the larger set, as its ideal value is 0.5 only then.
 
     Args:
         generated: (G, N, N, N) in [0, 1].
         reference: (R, N, N, N), in one frame and upright.
-        selection: other shapes of the reference's family and frame, (S, N, N, N), to choose the gauge on;
-            the references themselves if None, which flatters a little and is said in the protocol. At most 256
-            are used, and at most 256 generated ones, drawn with the seed.
-        bins: the gauge's turns are multiples of 2π / bins; None scores the volumes as they stand.
-        points: points a surface for Chamfer.
-        seed: of the surface points and of what is drawn from larger sets.
+        selection: other shapes of the reference's distribution, (S, N, N, N), in the same frame, on which the gauge is
+            chosen (default: the references, which biases the scores a little; the protocol names it). At most 256 are
+            used, and at most 256 generated ones, drawn with the seed.
+        bins: the gauge's rotations are multiples of 2π / bins; None for no gauge.
+        points: points a surface for the Chamfer distance.
+        seed: of the surface points and of the subsets drawn from larger sets.
 
     Returns:
         `mmd_iou`, `cov_iou`, `mmd_iou_equal`, `cov_iou_equal`, `1nna_iou`, and the same of `chamfer`; `empty`, the
         share of generated volumes with nothing above 0.5; and, unless bins is None, `gauge_turn` (in bins) and
-        `gauge_reflected` (0 or 1), what was applied to the generated set.
+        `gauge_reflected` (0 or 1), which were applied to the generated set.
 
     Raises:
         UserError: for an empty set, NaN, or volumes that are not cubes of one size.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> volumes = torch.rand(4, 8, 8, 8, generator=torch.Generator().manual_seed(0))
+        >>> scores = up.metrics.shape_scores(volumes, volumes, bins=2, points=16)
+        >>> scores["mmd_iou"].value, scores["cov_iou"].value
+        (0.0, 1.0)
     """
     check_set(generated, "generated")
     check_set(reference, "reference")
@@ -82,9 +89,9 @@ def set_scores(
     setting: str,
     seed: int = 0,
 ) -> dict[str, Score]:
-    """`mmd_NAME`, `cov_NAME`, both again with `_equal`, and `1nna_NAME` of two sets under one distance.
+    """Return `mmd_NAME`, `cov_NAME`, both also with `_equal`, and `1nna_NAME` of two sets under one distance.
 
-    `setting` ends the protocol "mmd(" and has two `{}` for the sizes of the sets.
+    `setting` completes the protocol after "mmd(" and has two `{}` for the sizes of the sets.
     """
     across = distance(generated, reference)
     count, references = across.shape
@@ -107,14 +114,14 @@ def set_scores(
 
 
 def drawn(count: int, n: int, seed: int) -> Tensor:
-    """Which min(n, count) of `count` items to take, in order: all, or a draw that depends on the seed alone."""
+    """Return sorted indices of min(n, count) of `count` items: all, or a subset that depends on the seed only."""
     return torch.randperm(count, generator=generator_at(seed, 0, "subset"))[:n].sort().values
 
 
 def _choose_gauge(
     generated: Tensor, reference: Tensor, selection: Tensor | None, bins: int | None, seed: int
 ) -> tuple[Gauge | None, str]:
-    """The gauge and the words of the protocol that say how it was chosen."""
+    """Return the gauge and the part of the protocol that tells how it was chosen."""
     if bins is None:
         return None, "gauge as it stands"
     others, whose = (reference, "the references") if selection is None else (selection, "other shapes")

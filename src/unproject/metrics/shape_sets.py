@@ -1,14 +1,14 @@
-"""How near a generated set is to a reference set, from the distances between their members.
+"""MMD, COV and 1-NNA: scores of a generated set against a reference set, from the distances of their members.
 
 D is (generated, reference). With G generated and R reference items:
 
-    MMD   = 1/R Σ_r min_g D[g, r]                     fidelity: is there something near every reference?
-    COV   = |{argmin_r D[g, r] : g}| / R              diversity: how many references are somebody's nearest?
+    MMD   = 1/R Σ_r min_g D[g, r]                     fidelity: the mean distance of a reference to the nearest item
+    COV   = |{argmin_r D[g, r] : g}| / R              diversity: the share of references nearest to some item
     1-NNA = leave-one-out accuracy of a nearest-neighbour classifier of generated against reference:
-            0.5 if the sets cannot be told apart, 1 if they are separate (below 0.5: copies of the reference).
+            0.5 if the sets are indistinguishable, 1 if they are separate (below 0.5: copies of the reference).
 
-MMD falls and COV grows with G. Given a `size`, both are their means over all choices of that many of the generated
-items, exactly and without drawing any. With C(n, k) choices of k in n, d_(k) the k-th least of a column of D, and G_r
+MMD falls and COV grows with G. Given a `size`, both are means over all choices of that many of the generated items,
+computed exactly. With C(n, k) choices of k in n, d_(k) the k-th least of a column of D, and G_r
 the number of generated items whose nearest reference is r:
 
     MMD = 1/R Σ_r Σ_k d_(k) C(G - k, size - 1) / C(G, size)        COV = 1/R Σ_r 1 - C(G - G_r, size) / C(G, size)
@@ -27,10 +27,16 @@ from .._types import UserError
 
 
 def minimum_matching_distance(distance: Tensor, size: int | None = None) -> float:
-    """Mean over references (columns) of the least distance to anything generated (rows); lower is better.
+    """Compute the mean over references (columns) of the least distance to a generated item (row); lower is better.
 
     Args:
-        size: of the generated set; the mean over all choices of so many rows. All of them if None.
+        distance: (G, R).
+        size: take the mean over all choices of so many rows (default: all rows).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.metrics.minimum_matching_distance(torch.tensor([[1.0, 4.0], [2.0, 3.0]]))
+        2.0
     """
     count = _check_size(distance, size)
     least = torch.arange(1, len(distance) + 1)
@@ -39,12 +45,18 @@ def minimum_matching_distance(distance: Tensor, size: int | None = None) -> floa
 
 
 def coverage(distance: Tensor, size: int | None = None) -> float:
-    """Share of references (columns) that are the nearest one of some generated item (row); higher is better.
+    """Compute the share of references (columns) that are nearest to some generated item (row); higher is better.
 
     Of equally near references the first counts.
 
     Args:
-        size: of the generated set; the mean over all choices of so many rows. All of them if None.
+        distance: (G, R).
+        size: take the mean over all choices of so many rows (default: all rows).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.metrics.coverage(torch.tensor([[1.0, 4.0], [2.0, 3.0]]))
+        0.5
     """
     count = _check_size(distance, size)
     nearest = torch.bincount(distance.argmin(1).cpu(), minlength=distance.shape[1])
@@ -52,10 +64,9 @@ def coverage(distance: Tensor, size: int | None = None) -> float:
 
 
 def one_nearest_neighbour_accuracy(d_gg: Tensor, d_gr: Tensor, d_rr: Tensor) -> float:
-    """Share of items whose nearest other item is of their own set; 0.5 is ideal.
+    """Compute the share of items whose nearest other item is of their own set; 0.5 is ideal, for sets of equal size.
 
-    An item equally near to both sets counts one half, so that repeated shapes are not an accident of order.
-    The ideal is 0.5 only for sets of equal size.
+    An item equally near to both sets counts ½, so that the result does not depend on the order.
 
     Args:
         d_gg: (G, G), the generated among themselves; the diagonal is left out.
@@ -92,7 +103,7 @@ def _check_size(distance: Tensor, size: int | None) -> int:
 
 
 def _chance(n: Tensor, k: int, total: int, size: int) -> Tensor:
-    """C(n, k) / C(total, size), 0 where k > n."""
+    """Compute C(n, k) / C(total, size), 0 where k > n."""
 
     def log_choices(n: Tensor, k: int) -> Tensor:
         n = n.double()

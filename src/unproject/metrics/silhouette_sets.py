@@ -1,7 +1,7 @@
-"""How near generated silhouettes are to held-out real ones: where there is no 3-D to compare with.
+"""Distances between generated and held-out real silhouettes, for collections without 3-D references.
 
-MMD, COV and 1-NNA on 1 - IoU (see `shape_sets`), and a kernel distance (see `feature_sets`) on fixed features made
-by hand, so no weights are downloaded.
+MMD, COV and 1-NNA on 1 - IoU (see `shape_sets`), and a kernel distance (see `feature_sets`) on hand-crafted features,
+so no weights are downloaded.
 """
 
 from __future__ import annotations
@@ -22,16 +22,22 @@ PROFILE = 32
 
 @torch.no_grad()
 def silhouette_scores(generated: Tensor, reference: Tensor, *, seed: int = 0) -> dict[str, Score]:
-    """Distances of two sets of silhouettes, (N, 1, H, W) or (N, H, W), as they are: no gauge, no alignment.
+    """Score generated silhouettes, (N, 1, H, W) or (N, H, W), against reference ones, without gauge or alignment.
 
-    Draw the generated ones from the view distribution the references have (for unknown views, the estimated
-    one); the scores cannot tell a wrong shape from a wrong mix of views.
+    The generated silhouettes must have the references' distribution of views (for unknown views, the estimated one):
+    the scores do not separate wrong shapes from a wrong distribution of views.
 
     Returns:
         `mmd_iou_silhouette`, `cov_iou_silhouette`, `1nna_iou_silhouette`, `kernel_silhouette`.
 
     Raises:
         UserError: for an empty set, NaN, pictures of different sizes, or fewer than two in a set.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> masks = torch.rand(8, 1, 32, 32, generator=torch.Generator().manual_seed(0)).round()
+        >>> up.metrics.silhouette_scores(masks, masks)["mmd_iou_silhouette"].value
+        0.0
     """
     size = "x".join(map(str, reference.shape[-2:]))
     setting = f"1-iou), silhouettes {size} at {THRESHOLD}, {{}} generated vs {{}} held-out, views as given"
@@ -45,10 +51,10 @@ def silhouette_scores(generated: Tensor, reference: Tensor, *, seed: int = 0) ->
 
 
 def silhouette_features(silhouettes: Tensor) -> Tensor:
-    """(N, 320) in [0, 1]: what share of each cell of a 16 × 16 grid, each of 32 row and of 32 column bands is filled.
+    """Return features (N, 320) in [0, 1]: the covered shares of 16 × 16 cells, of 32 rows and of 32 columns.
 
-    The coverage says where the figure is, the profiles keep its outline in height and width finer than the
-    grid does. Pictures are made binary at 0.5 first.
+    The cells represent the figure, the row and column profiles its outline in finer resolution. Pictures are
+    thresholded at 0.5.
     """
     check_set(silhouettes, "silhouettes")
     if silhouettes.ndim == 3:

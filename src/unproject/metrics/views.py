@@ -1,4 +1,4 @@
-"""How many views were recognised, up to the gauge: a turn and a reflection cannot be told from silhouettes.
+"""Accuracy of predicted views up to the gauge, which silhouettes leave undetermined.
 
 With predicted bins p and true bins t of K, and the 2K relabellings q(p) = ±p + c (mod K) of `gauge`,
 
@@ -6,8 +6,8 @@ With predicted bins p and true bins t of K, and the 2K relabellings q(p) = ±p +
 
 The directions of line integrals cover half a turn: there K is twice their number, and q is taken modulo K / 2.
 
-Labels that know nothing score above 1/K, because the best of 2K is taken: the chance level is what the same
-maximum gives on average when the predicted labels are shuffled.
+Random labels score above 1/K, because the best of 2K relabellings is taken. The chance level is the mean of that
+maximum over shuffles of the predicted labels.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ TRIALS = 200
 
 @dataclass(frozen=True, eq=False)
 class ViewAccuracy:
-    """What `view_accuracy` found.
+    """The result of `view_accuracy`.
 
     Attributes:
         exact: share of views in the right bin, in the best gauge.
         within_one: share in the right bin or one next to it, in that same gauge.
-        gauge: what takes the shapes whose views were predicted into the frame of the true views: it is the
-            `best_gauge(generated, reference)` a perfect generator would have. true = gauge.inverse.view(p).
+        gauge: the map from the shapes whose views were predicted to the frame of the true views, equal to
+            `best_gauge(generated, reference)` for a perfect generator. true = gauge.inverse.view(p).
         confusion: (K, K) counts, rows the true bin, columns the predicted bin after relabelling.
-        chance_exact, chance_within_one: what labels that know nothing score on average.
+        chance_exact, chance_within_one: mean scores of shuffled labels.
     """
 
     exact: float
@@ -47,14 +47,14 @@ class ViewAccuracy:
 
     @property
     def n(self) -> int:
-        """How many views were compared."""
+        """Number of views."""
         return int(self.confusion.sum())
 
 
 def view_accuracy(
     predicted: Tensor, true: Tensor, bins: int = 16, *, half: bool = False, seed: int = 0, trials: int = TRIALS
 ) -> ViewAccuracy:
-    """Accuracy of predicted view bins, maximised over the 2 · bins dihedral relabellings.
+    """Compute the accuracy of predicted view bins, maximised over the 2 · bins dihedral relabellings.
 
     Of relabellings with equal `exact` the one with the larger `within_one` is taken, then the first.
 
@@ -62,11 +62,18 @@ def view_accuracy(
         predicted: (N,) integers in [0, bins).
         true: (N,) integers in [0, bins).
         bins: azimuth bins of a full turn, an even number; or directions of half a turn, any number.
-        half: whether the bins cover half a turn, as directions of line integrals do.
+        half: the bins cover half a turn, as directions of line integrals do.
         seed, trials: of the Monte Carlo chance level.
 
     Raises:
         UserError: if there are no labels, their numbers differ, or one lies outside [0, bins).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> true = torch.arange(16)
+        >>> found = up.metrics.view_accuracy((true + 3) % 16, true, bins=16, trials=10)
+        >>> found.exact, found.gauge.turn
+        (1.0, 3)
     """
     _check_labels(predicted, true, bins)
     table = _relabellings(bins, half)
@@ -83,15 +90,16 @@ def view_accuracy(
 def chance_level(
     predicted_counts: Tensor, true_counts: Tensor, *, half: bool = False, seed: int = 0, trials: int = TRIALS
 ) -> tuple[float, float]:
-    """What `view_accuracy` gives on average, (exact, within one), for labels independent of the truth.
+    """Return the mean (exact, within one) of `view_accuracy` for labels independent of the truth.
 
-    Monte Carlo over shuffles of the predicted labels, so both sets keep their histograms: a predictor that
-    says the same bin always is compared with one that does so too. For n uniform views of K give
-    `torch.full((K,), n // K)` twice.
+    Monte Carlo over shuffles of the predicted labels, which keep both histograms: a predictor that always predicts the
+    same bin is compared with one that does so too. For n uniform views of K give `torch.full((K,), n // K)` twice.
 
     Args:
-        predicted_counts: (K,) how often each bin was predicted.
-        true_counts: (K,) how often each bin is true; the same total.
+        predicted_counts: (K,) number of predictions of each bin.
+        true_counts: (K,) number of views of each bin; the same total.
+        half: see `view_accuracy`.
+        seed: of the shuffles.
         trials: shuffles; the standard error is that of one score over √trials.
     """
     bins = len(true_counts)
@@ -105,14 +113,14 @@ def chance_level(
 
 
 def of_ceiling(accuracy: ViewAccuracy, ceiling: ViewAccuracy) -> float:
-    """exact / exact of a predictor trained on the true labels: 1 means nothing was lost by not knowing them."""
+    """Return the accuracy as a share of that of a predictor trained on the true labels."""
     if ceiling.exact <= 0:
-        raise UserError("of_ceiling: the ceiling recognised no view at all; train the supervised predictor first")
+        raise UserError("of_ceiling: the ceiling has accuracy 0; train the supervised predictor first")
     return accuracy.exact / ceiling.exact
 
 
 def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, seed: int = 0) -> dict[str, Score]:
-    """`view_exact`, `view_within_one`, their chance levels and, with a ceiling, it and the share of it reached."""
+    """Return `view_exact`, `view_within_one`, chance levels and, with a ceiling, the ceiling and the share of it."""
     bins, n = len(accuracy.confusion), accuracy.n
     what = "azimuth bins" if bins == accuracy.gauge.bins else "directions of half a turn"
     setting = f"{bins} {what}, best of {2 * bins} dihedral relabellings by exact accuracy, {n} views"
@@ -129,23 +137,23 @@ def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, see
 
 
 def _gauges(bins: int, half: bool) -> tuple[Gauge, ...]:
-    """Of gauges that differ by half a turn labels of half a turn cannot tell: the first of each two."""
+    """Return all gauges; for half a turn only one of each two that differ by half a turn, which are equivalent."""
     return tuple(g for g in dihedral(2 * bins) if g.turn < bins) if half else dihedral(bins)
 
 
 def _relabellings(bins: int, half: bool) -> Tensor:
-    """Q[g, p]: the true bin that prediction p stands for if gauge g takes the learned frame to the true one."""
+    """Return Q[g, p], the true bin of prediction p if gauge g maps the learned frame to the true one."""
     return torch.stack([gauge.inverse.view(torch.arange(bins)) % bins for gauge in _gauges(bins, half)])
 
 
 def _confusions(predicted: Tensor, true: Tensor, bins: int) -> Tensor:
-    """C[i, t, p]: how often t was called p in row i of `predicted` (I, N)."""
+    """Return C[i, t, p], the number of views of bin t predicted as p in row i of `predicted` (I, N)."""
     cell = (torch.arange(len(predicted))[:, None] * bins + true) * bins + predicted
     return torch.bincount(cell.flatten(), minlength=len(predicted) * bins**2).view(-1, bins, bins).double()
 
 
 def _scores(confusions: Tensor, table: Tensor) -> tuple[Tensor, Tensor]:
-    """(exact, within one) of every confusion under every relabelling: (I, 2K) each."""
+    """Return (exact, within one) of every confusion under every relabelling, (I, 2K) each."""
     bins = confusions.shape[-1]
     off = (table[:, None, :] - torch.arange(bins)[None, :, None]).remainder(bins)
     hit, near = (off == 0).double(), ((off <= 1) | (off == bins - 1)).double()

@@ -1,8 +1,9 @@
-"""Networks: generators, discriminators, view predictors."""
+"""Generators, discriminators and view predictors."""
 
 from .dcgan import DCGANDiscriminator
 from .discriminators import Discriminator, LineDiscriminator
-from .generators import Generator, ImageGenerator, LowRankGenerator, SmoothImageGenerator, VoxelGenerator
+from .generators import Generator, ImageGenerator, SmoothImageGenerator, VoxelGenerator
+from .low_rank import LowRankGenerator
 from .materials import DCGANMaterials, StationaryMaterials
 from .textures import TextureDiscriminator
 from .view_predictor import ViewPredictor

@@ -1,4 +1,4 @@
-"""Blocks that networks share: smooth upsampling, strided convolution with one set of weights a head."""
+"""Building blocks: smooth upsampling, modulated normalisation, strided convolutions with weights for each head."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .._types import UserError
 
 
 def upsampling_levels(size: int) -> int:
-    """How often 4 doubles to `size`. Raises UserError unless size is 4·2^k, k ≥ 1."""
+    """Return the number k of doublings from 4 to `size`. Raises UserError unless size is 4·2^k, k ≥ 1."""
     levels = round(math.log2(size / 4)) if size >= 8 else 0
     if levels < 1 or 4 * 2**levels != size:
         raise UserError(f"size {size}: generators double from 4, so choose 8, 16, 32, 64, 128 or 256")
@@ -20,12 +20,12 @@ def upsampling_levels(size: int) -> int:
 
 
 class SmoothUpsampling(nn.Module):
-    """A vector to an image or a line of the sides `shape`, by `levels` smooth doublings.
+    """Upsampling of a vector (B, inputs) to (B, outputs, *shape), an image or a line, by `levels` doublings.
 
-    Each level convolves (3 taps an axis) before it interpolates linearly to the doubled side: smoother than a
-    transposed convolution and cheaper, since the convolution works at the smaller side. Modulated batch norm and
-    ReLU follow, and a last convolution works at the full side, so that edges can be sharper than the interpolation.
-    Channels halve with every level, but never below those of the output: narrower ones cannot tell thin parts apart.
+    Each level convolves (3 taps an axis), then interpolates linearly to the doubled size: smoother than a transposed
+    convolution and cheaper, since the convolution is at the smaller size. Modulated batch norm and ReLU follow. A last
+    convolution at full size allows edges sharper than the interpolation. Channels halve with every level, down to
+    `outputs`: with fewer channels than that, thin parts are not resolved.
     """
 
     def __init__(self, inputs: int, channels: int, outputs: int, shape: tuple[int, ...], levels: int) -> None:
@@ -56,7 +56,7 @@ class SmoothUpsampling(nn.Module):
 class ModulatedNorm(nn.Module):
     """Batch norm whose scale and shift depend on a vector h: (1 + A h) * norm(x) + B h, channel by channel.
 
-    The code is then heard at every level, not at the first one alone.
+    With it the code enters at every level of a generator, not only at the first.
 
     References:
         de Vries et al. 2017, Modulating early visual processing by language (conditional batch norm).
@@ -76,10 +76,10 @@ class ModulatedNorm(nn.Module):
 
 
 class ModulatedScale(nn.Module):
-    """x over its root mean square, scaled and shifted by a vector h: (1 + A h) x / rms(x) + B h, channel by channel.
+    """RMS norm whose scale and shift depend on a vector h: (1 + A h) x / rms(x) + B h, channel by channel.
 
-    The root mean square is one item's, over all its channels and places: no item depends on its batch, and contrasts of
-    channels and of places with one another stay.
+    The root mean square is over all channels and places of one sample: samples do not depend on their batch, and the
+    ratios between channels and between places are kept.
 
     References:
         Zhang & Sennrich 2019, Root mean square layer normalization.
@@ -98,12 +98,14 @@ class ModulatedScale(nn.Module):
 
 
 class HeadConv(nn.Module):
-    """A stride-2 convolution, 4 wide, with weights of its own for every head: sample b passes through head[b] alone.
+    """A stride-2 convolution, 4 wide, with separate weights for each head; sample b uses those of head[b].
 
-    Samples are gathered by head into equal padded groups, so that the price is that of the largest group
-    times the heads in use, not that of all heads for all samples.
+    Samples are gathered by head into equal padded groups, so the cost is that of the largest group times the number of
+    heads in use, not that of all heads for all samples.
 
     Args:
+        heads: number of heads.
+        inputs, outputs: channels.
         dims: 2 for images (B, C, H, W), 1 for lines (B, C, W).
     """
 
@@ -124,7 +126,7 @@ class HeadConv(nn.Module):
 
 
 def grouped_linear(x: Tensor, weight: Tensor, bias: Tensor, head: Tensor) -> Tensor:
-    """y[b] = x[b] W[head[b]]ᵀ + c[head[b]] for x (B, P, I), W (H, O, I), c (H, O), as one batched product."""
+    """Compute y[b] = x[b] W[head[b]]ᵀ + c[head[b]] for x (B, P, I), W (H, O, I), c (H, O), as one batched product."""
     used, group = head.unique(return_inverse=True)
     order = group.argsort(stable=True)
     sizes = torch.bincount(group, minlength=len(used))

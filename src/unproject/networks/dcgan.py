@@ -1,4 +1,4 @@
-"""The discriminator of the paper's materials: DCGAN with batch norm and minibatch discrimination."""
+"""DCGANDiscriminator: batch norm and minibatch discrimination, as for the paper's materials."""
 
 from __future__ import annotations
 
@@ -15,18 +15,26 @@ class DCGANDiscriminator(nn.Module):
     """Stride-2 convolutions to 4², each with LeakyReLU and, after the first, batch norm; minibatch discrimination.
 
     Args:
-        shape: (C, H, W) of one image, square, a side of 4·2^k.
-        heads: rows of the last layer, one a way of looking.
-        channels: after the first convolution; doubles with every one, to eight times as many at most.
-        group: images of one batch, which are normed and compared with one another: those of a concatenated forward
-            pass of real and generated ones within their own group only, since generated ones come alone when the
-            generator learns. None: all that come together.
+        shape: (C, H, W) of one image, square, with a side of 4·2^k.
+        heads: number of heads, the rows of the last layer; one for each observation.
+        channels: after the first convolution; they double with each one, up to eight times as many.
+        group: size of the groups of consecutive images that share batch statistics (default: the whole batch). The
+            discriminator's update concatenates real and generated images, the generator's has generated ones only; with
+            group = half the batch both normalise generated images alike.
+        kernels: number of minibatch discrimination features.
+        slope: of LeakyReLU.
 
     References:
         Li et al. 2019, supplemental, section 2.2; Radford et al. 2016; Salimans et al. 2016 (minibatch discrimination).
 
     Raises:
         UserError: for images of another shape.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> discriminator = up.networks.DCGANDiscriminator((3, 16, 16), heads=2, channels=8)
+        >>> discriminator(torch.rand(4, 3, 16, 16), torch.tensor([0, 1, 0, 1])).shape
+        torch.Size([4])
     """
 
     def __init__(
@@ -53,7 +61,7 @@ class DCGANDiscriminator(nn.Module):
         nn.init.normal_(self.last.weight, std=features**-0.5)
 
     def forward(self, image: Tensor, head: Tensor) -> Tensor:
-        """Logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
+        """Return logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) is the head of each."""
         x = torch.cat([self._features(part) for part in image.split(self.group or len(image))])
         row = self.last(head)
         return (x * row[:, :-1]).sum(1) + row[:, -1]
@@ -64,9 +72,9 @@ class DCGANDiscriminator(nn.Module):
 
 
 class MinibatchDiscrimination(nn.Module):
-    """How close a batch lies together: o_k(i) = Σ_{j ≠ i} exp(-|M_k f_i - M_k f_j|₁), K kernels M_k of `rows` rows.
+    """The similarity of a sample to its batch: o_k(i) = Σ_{j ≠ i} exp(-|M_k f_i - M_k f_j|₁), K matrices M_k.
 
-    A generator that makes one thing again and again is found out by its company.
+    With these features a discriminator detects a generator that repeats itself.
 
     References:
         Salimans et al. 2016, Improved techniques for training GANs, section 3.2.
@@ -79,7 +87,7 @@ class MinibatchDiscrimination(nn.Module):
         nn.init.normal_(self.matrix.weight, std=1 / math.sqrt(features))
 
     def forward(self, features: Tensor) -> Tensor:
-        """(B, kernels) of (B, features)."""
+        """Return (B, kernels) of features (B, F)."""
         m = self.matrix(features).view(len(features), *self.shape)
         distance = (m[:, None] - m[None]).abs().sum(-1)
-        return torch.exp(-distance).sum(1) - 1  # less itself
+        return torch.exp(-distance).sum(1) - 1  # without j = i

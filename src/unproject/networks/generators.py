@@ -1,10 +1,10 @@
-"""Generator: x = G(z), z ~ N(0, 1): a sample of what cannot be measured, from a code."""
+"""Generators x = G(z), z ~ N(0, 1), of volumes and images."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import ClassVar, Literal, TypeAlias
 
 import torch
 from torch import Tensor, nn
@@ -14,21 +14,36 @@ from .._types import UserError
 from ..ops.hull import visual_hull
 from .blocks import SmoothUpsampling, upsampling_levels
 
+Upsampling: TypeAlias = Literal["transposed", "nearest"]
+
 
 class Generator(nn.Module, ABC):
-    """A module that turns codes (B, code_size) into samples x, and that draws its own codes.
+    """A module that maps codes (B, code_size) to samples x, and that draws its own codes.
 
     Class attributes:
-        domain: what it makes: "volumes", "images" or "maps"; or nothing, if recipes say so (`Recipe(domain=...)`).
+        domain: "volumes", "images" or "maps"; a generator of something else leaves it out and its recipe has a domain
+            (`Recipe(domain=...)`).
 
     Args:
         code_size: L, the length of a code.
-        truncation: codes are drawn with |z| ≤ truncation (a truncated normal) when sampling; None: not at all.
-        hull: sampled volumes are filled where no level view could tell (`ops.visual_hull`): level silhouettes
-            bind a volume from outside only, and what they leave open is better solid than hollow.
+        truncation: the bound of |z| in `sample`, a truncated normal distribution (default: none).
+        hull: `sample` returns the visual hull of volumes (`ops.visual_hull`). Silhouettes at elevation 0 determine a
+            volume up to its hull, so cavities of a sample are arbitrary.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class Blobs(up.Generator):
+        ...     domain = "images"
+        ...     def __init__(self):
+        ...         super().__init__(code_size=4)
+        ...         self.layer = torch.nn.Linear(4, 16 * 16)
+        ...     def forward(self, code):
+        ...         return self.layer(code).sigmoid().view(-1, 1, 16, 16)
+        >>> Blobs().sample(3, seed=1).shape
+        torch.Size([3, 1, 16, 16])
     """
 
-    domain: ClassVar[str] = ""
+    domain: ClassVar[Literal["", "volumes", "images", "maps"]] = ""
 
     def __init__(self, code_size: int, truncation: float | None = None, hull: bool = False) -> None:
         super().__init__()
@@ -38,20 +53,20 @@ class Generator(nn.Module, ABC):
 
     @abstractmethod
     def forward(self, code: Tensor) -> Tensor:
-        """x = G(z)."""
+        """Return x = G(z)."""
 
     def draw(self, n: int, rng: torch.Generator) -> Tensor:
-        """n codes z ~ N(0, 1), (n, code_size)."""
+        """Draw n codes z ~ N(0, 1), (n, code_size)."""
         return torch.randn(n, self.code_size, generator=rng)
 
     @torch.no_grad()
     def sample(self, n: int, seed: int = 0, batch: int = 64) -> Tensor:
-        """n samples in evaluation mode, on the CPU; sample i is the same whatever n is.
+        """Return n samples, generated in evaluation mode, on the CPU; sample i depends on (seed, i) only, not on n.
 
-        It is the same for every `batch` too, up to rounding, unless batch norm uses the batch's own statistics.
+        It does not depend on `batch` either, up to rounding, unless batch norm uses the statistics of the batch.
         """
         device = next(self.parameters()).device
-        # Whole batches of true codes: neither rounding nor statistics of a batch may depend on n.
+        # Batches are always full: neither rounding nor batch statistics may depend on n.
         codes = torch.cat([self._one_code(seed, i) for i in range(max(n + -n % batch, batch))])
         training = self.training
         self.eval()
@@ -71,30 +86,43 @@ class Generator(nn.Module, ABC):
 
 
 def reflect_half(x: Tensor) -> Tensor:
-    """The left-right symmetric volume whose left half is that of x (B, X, Y, Z), X even."""
+    """Return the left-right symmetric volume whose left half is that of x (B, X, Y, Z), X even."""
     return reflect(x[:, : x.shape[1] // 2])
 
 
 def reflect(left: Tensor) -> Tensor:
-    """The volume whose left half is `left` (B, X/2, Y, Z) and whose right half is its mirror image."""
+    """Return the volume whose left half is `left` (B, X/2, Y, Z) and whose right half is its mirror image."""
     return torch.cat([left, left.flip(1)], 1)
 
 
 class VoxelGenerator(Generator):
-    """The paper's generator: 3-D convolutions from 4³ to size³, batch norm and ReLU after each.
+    """A generator of volumes by 3-D convolutions from 4³ to size³, each with batch norm and ReLU: the paper's.
 
-    A linear layer gives `channels`×4³; every level doubles the side and halves the channels. `upsampling`
-    "transposed" is the released 4³ stride-2 transposed convolution, "nearest" the paper's upsample + convolution.
-    A last 3³ convolution and (tanh + 1)/2 give occupancy.
+    A linear layer gives `channels`×4³; every level doubles the side and halves the channels. A last 3³ convolution and
+    (tanh + 1)/2 give occupancy.
 
     Args:
         size: side of the volume, 4·2^k.
+        code_size: length of a code.
+        channels: at 4³.
+        upsampling: "transposed", the 4³ stride-2 transposed convolution of the released code, or "nearest", the paper's
+            nearest-neighbour upsampling and convolution.
         mirror: generate the left half only and reflect it.
-        batch_statistics: batch norm uses the batch's own statistics at inference too, as the released code does;
-            a sample then depends on the others of its batch, so it is not generated alone.
+        truncation: see `Generator`.
+        batch_statistics: batch norm uses the statistics of the batch in evaluation mode too, as the released code does;
+            a sample then depends on the others of its batch.
 
     References:
         Li et al. 2019, supplemental, Part I and Fig. 1; Wu et al. 2016 (3D-GAN).
+
+    Raises:
+        UserError: for another size or upsampling.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> generator = up.networks.VoxelGenerator(size=16, code_size=8, channels=16)
+        >>> generator(generator.draw(2, torch.Generator().manual_seed(0))).shape
+        torch.Size([2, 16, 16, 16])
     """
 
     domain = "volumes"
@@ -104,7 +132,7 @@ class VoxelGenerator(Generator):
         size: int = 64,
         code_size: int = 256,
         channels: int = 512,
-        upsampling: str = "transposed",
+        upsampling: Upsampling = "transposed",
         mirror: bool = False,
         truncation: float | None = None,
         batch_statistics: bool = False,
@@ -128,7 +156,7 @@ def _norm(channels: int, batch_statistics: bool) -> nn.BatchNorm3d:
     return nn.BatchNorm3d(channels, track_running_stats=not batch_statistics)
 
 
-def _doubling(before: int, after: int, upsampling: str) -> nn.Module:
+def _doubling(before: int, after: int, upsampling: Upsampling) -> nn.Module:
     if upsampling == "transposed":
         return nn.ConvTranspose3d(before, after, 4, 2, 1)
     if upsampling == "nearest":
@@ -137,18 +165,28 @@ def _doubling(before: int, after: int, upsampling: str) -> nn.Module:
 
 
 class ImageGenerator(Generator):
-    """DCGAN: an image (B, outputs, size, size) in [0, 1] from 4², by transposed convolutions, batch norm and ReLU.
+    """DCGAN: images (B, outputs, size, size) in [0, 1] by transposed convolutions from 4², batch norm and ReLU.
 
-    A linear layer gives `channels`×4²; every level doubles the side and halves the channels, down to 8 at least.
-    A last 3² convolution and a sigmoid give the image.
+    A linear layer gives `channels`×4²; every level doubles the side and halves the channels, down to 8. A last 3²
+    convolution and a sigmoid give the image.
 
     Args:
         size: side of the image, 4·2^k.
-        bias: of the last convolution at the start; negative makes dark images, as most of those learned from
-            line integrals are mostly dark.
+        code_size: length of a code.
+        channels: at 4².
+        outputs: channels of the image.
+        bias: initial bias of the last convolution; a negative one gives dark images, as most images learned from line
+            integrals are.
+        truncation: see `Generator`.
 
     References:
         Radford et al. 2016, Unsupervised representation learning with deep convolutional GANs.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> generator = up.networks.ImageGenerator(size=16, code_size=8, channels=16)
+        >>> generator.sample(3, seed=0).shape
+        torch.Size([3, 1, 16, 16])
     """
 
     domain = "images"
@@ -179,13 +217,19 @@ class ImageGenerator(Generator):
 
 
 class SmoothImageGenerator(Generator):
-    """An image (B, outputs, size, size) in [0, 1] by smooth upsampling from 4², the code heard at every level.
+    """Images (B, outputs, size, size) in [0, 1] by smooth upsampling from 4², with the code at every level.
 
-    Transposed convolutions leave a checkerboard; line integrals hardly see it, so nothing ever takes it away.
+    Transposed convolutions leave checkerboard artefacts, to which line integrals are insensitive, so that training does
+    not remove them.
 
     Args:
-        size, outputs, bias: as in `ImageGenerator`.
-        channels: of the 4² level.
+        size, code_size, channels, outputs, bias, truncation: as in `ImageGenerator`.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> generator = up.networks.SmoothImageGenerator(size=16, code_size=8, channels=16)
+        >>> generator.sample(3, seed=0).shape
+        torch.Size([3, 1, 16, 16])
     """
 
     domain = "images"
@@ -205,63 +249,3 @@ class SmoothImageGenerator(Generator):
 
     def forward(self, code: Tensor) -> Tensor:
         return torch.sigmoid(self.levels(code)).contiguous()
-
-
-class LowRankGenerator(Generator):
-    """Occupancy as a sum of plane × line products, for CPUs and for large volumes.
-
-    logit[x, y, z] = b + r^-½ Σ_r (P_xy[r] L_z[r] + P_yz[r] L_x[r] + P_xz[r] L_y[r]) and p = sigmoid(logit).
-    The planes come from 2-D convolutions and the lines from 1-D ones, so that the cost grows with size²
-    rather than size³. Every upsampling is smooth: transposed convolutions alone leave a checkerboard in the
-    factors, and volumes come out striped inside while their silhouettes look right.
-
-    Args:
-        size: side of the volume, 4·2^k.
-        mirror: generate the left half only and reflect it; that costs a third less.
-        rank: number of products per axis.
-        bias: b at the start; negative, so that training starts from nearly transparent volumes: an opaque
-            one has no gradient, every ray being saturated.
-
-    References:
-        The plane-line factorisation is the VM decomposition of Chen et al. 2022 (TensoRF).
-    """
-
-    domain = "volumes"
-
-    def __init__(
-        self,
-        size: int = 32,
-        code_size: int = 128,
-        channels: int = 128,
-        rank: int = 32,
-        mirror: bool = False,
-        bias: float = -5.0,
-        truncation: float | None = None,
-        hull: bool = False,
-    ) -> None:
-        super().__init__(code_size, truncation, hull)
-        hidden = 256
-        self.mirror, self.scale = mirror, rank**-0.5
-        self.mapping = nn.Sequential(
-            nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
-        )
-        levels, width = upsampling_levels(size), size // 2 if mirror else size
-        planes, lines = ((width, size), (size, size), (width, size)), ((size,), (width,), (size,))
-        self.planes = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in planes])
-        self.lines = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in lines])
-        self.bias = nn.Parameter(torch.tensor(float(bias)))
-
-    def logits(self, code: Tensor) -> Tensor:
-        """The logit of occupancy, (B, X, Y, Z), or of the left half of it with `mirror`."""
-        hidden = self.mapping(code)
-        xz, zy, xy = (plane(hidden) for plane in self.planes)
-        along_y, along_x, along_z = (line(hidden) for line in self.lines)
-        # Summed as (B, X, Z, Y): level silhouettes read columns, which are contiguous then.
-        total = torch.bmm(xz.flatten(2).transpose(1, 2), along_y).unflatten(1, xz.shape[2:])
-        total = total + torch.bmm(along_x.transpose(1, 2), zy.flatten(2)).unflatten(2, zy.shape[2:])
-        total = total + along_z.transpose(1, 2)[:, None] @ xy.transpose(1, 2)
-        return (total * self.scale + self.bias).transpose(2, 3)
-
-    def forward(self, code: Tensor) -> Tensor:
-        x = torch.sigmoid(self.logits(code))
-        return reflect(x) if self.mirror else x

@@ -1,10 +1,10 @@
-"""Generators of materials: four maps (B, 8, H, W) from one code, by branches that share what comes before them.
+"""Generators of materials: four maps (B, 8, H, W) from one code, by branches after shared layers.
 
     k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c)
 
-with a scale factor s of each albedo and of the roughness for the whole material: what differs most between materials is
-said once, and the maps keep to their own variation. Normals are drawn, n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|, or
-those of a height with a factor of its own. Their z is positive, so none points into the surface.
+with scale factors s of the albedos and of the roughness for the whole material, which represent most of the variation
+between materials; the maps represent the variation within one. Normals are n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|,
+or those of a height with a scale factor. Their z is positive.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from .generators import Generator
 
 SCALED = ("diffuse", "specular", "roughness")
 GRAIN = (*[(1, 0.0)] * 4, (1, 1.0), (2, 1.0), (1, 0.25), (2, 0.25))
-"""Along which axis, and how far, each of eight sources of noise is stretched: down, across; to the end, a quarter."""
+"""Axis along which each of eight sources of noise is stretched (1: down, 2: across), and the share of the side."""
 LEAST_Z = 0.05
 LEAST_ROUGHNESS = 5e-3
-START = 4  # places a side
-EITHER_SIGN = 6.0  # makes scales of about 1 ± 1 of vectors as they are before training
-RELIEF = 0.1  # texels of height that 1 stands for before training
+START = 4  # places a side of the map in the code
+EITHER_SIGN = 6.0  # gives scales 1 ± 1 before training
+RELIEF = 0.1  # texels of height for an output of 1 before training
 FIRST = {"diffuse": (-0.8,) * 3, "specular": (-3.0,), "roughness": (-0.8,), "normal": (0.0,)}
-"""Where modern training starts: a nearly flat dielectric, k_d and m = 0.31, k_s = 0.05."""
+"""Initial biases of the maps: a nearly flat dielectric, k_d and m = 0.31, k_s = 0.05."""
 
 
 class MaterialGenerator(Generator):
-    """What both have in common: maps from four branches' outputs and scale factors.
+    """The base class of generators of materials: maps from the outputs of four branches and scale factors.
 
     Args:
         code_size: length of a code.
-        vector: how many of its entries, the first ones, the scale factors hear; all unless given.
-        relief: whether the last branch draws a height, which has a scale factor too; else normals.
+        vector: number of leading entries of the code that determine the scale factors (default: all).
+        relief: whether the last branch gives a height, with a scale factor, rather than normals.
     """
 
     domain = "maps"
@@ -49,7 +49,7 @@ class MaterialGenerator(Generator):
         nn.init.constant_(self.scales.bias, 0.5413)  # softplus of it is 1
 
     def maps(self, vector: Tensor, drawn: dict[str, Tensor]) -> Tensor:
-        """Maps (B, 8, H, W) of what the branches drew, before their sigmoids."""
+        """Return maps (B, 8, H, W) of the outputs of the branches, before their sigmoids."""
         scale = F.softplus(self.scales(vector))[:, :, None, None, None]
         named = {name: torch.sigmoid(drawn[name].float()) * scale[:, k] for k, name in enumerate(SCALED)}
         named["roughness"] = named["roughness"] + LEAST_ROUGHNESS
@@ -65,15 +65,22 @@ def _normals(drawn: Tensor) -> Tensor:
 
 
 class DCGANMaterials(MaterialGenerator):
-    """The paper's: DCGAN levels, batch norm and LeakyReLU, a sigmoid at the end, codes z ~ U(-1, 1)⁵¹².
+    """The paper's generator: DCGAN levels, batch norm and LeakyReLU, a sigmoid at the end, codes z ~ U(-1, 1)⁵¹².
 
     Args:
         size: side of the maps, 4·2^k.
+        code_size: length of a code.
         channels: at 4²; halved with every level.
-        shared: layers that the branches share, the linear one among them.
+        shared: number of layers before the branches, including the linear one.
+        slope: of LeakyReLU.
 
     References:
         Li et al. 2019, supplemental, section 2.2 and Fig. 6; Radford et al. 2016.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.networks.DCGANMaterials(size=16, code_size=16, channels=16).sample(2).shape
+        torch.Size([2, 8, 16, 16])
     """
 
     def __init__(
@@ -83,7 +90,7 @@ class DCGANMaterials(MaterialGenerator):
         widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
         self.width, self.slope = channels, slope
         self.start = nn.Linear(code_size, channels * 4**2)
-        # The code's layer is the first of those shared.
+        # The linear layer is the first of the shared ones.
         common = [nn.BatchNorm2d(channels), nn.LeakyReLU(slope)]
         pairs = list(zip(widths, widths[1:], strict=False))
         shared = min(shared, len(pairs))
@@ -101,7 +108,7 @@ class DCGANMaterials(MaterialGenerator):
         return nn.Sequential(*levels, last)
 
     def draw(self, n: int, rng: torch.Generator) -> Tensor:
-        """n codes z ~ U(-1, 1)."""
+        """Draw n codes z ~ U(-1, 1), (n, code_size)."""
         return torch.rand(n, self.code_size, generator=rng) * 2 - 1
 
     def forward(self, code: Tensor) -> Tensor:
@@ -110,31 +117,37 @@ class DCGANMaterials(MaterialGenerator):
 
 
 class StationaryMaterials(MaterialGenerator):
-    """A modern one, whose materials have no origin: what they are comes from a vector, where things lie from noise.
+    """A generator of stationary, tileable materials: appearance from a vector, arrangement from noise.
 
-    The code is a vector and a map of 4² places. Convolutions start from the map, which repeats itself: shifted by a
-    place, it gives the same material, noise aside, shifted by a quarter of its width. All levels repeat themselves
-    too, so materials tile. The vector scales and shifts every level, and each adds noise of its own, finer than the
-    map and drawn from it: the same code gives the same material, and a moving vector a material that changes smoothly.
-    A level mixes several independent sources of noise, so that maps may have nothing to do with one another; half of
-    them are grain, stretched along a row or a column. The last doubling is a sub-pixel convolution to fields, what
-    there is at each pixel, and each map is a function of the fields there and of the vector, no more: what causes one
-    causes the others, and goes with it in the same way at all scales, so that what photographs tell of the coarse ones
-    holds for the finest. Normals are those of a height: relief has the same phase as what it goes with, and no bump
-    that cannot be. No level looks at other materials of the batch: one is the same in training as when it is sampled.
+    The code is a vector and a map of 4² places. Convolutions start from the map. All layers are periodic, so materials
+    tile; a map shifted by one place gives, apart from noise, the same material shifted by a quarter of its side. The
+    vector scales and shifts every level. Each level adds noise, drawn from the map, so that equal codes give equal
+    materials and a material changes smoothly with the vector. A level mixes several independent sources of noise, so
+    that maps need not be correlated; half of the sources are grain, stretched along a row or a column.
+
+    The last doubling is a sub-pixel convolution to fields. Each map is a function of the fields at its pixel and of the
+    vector only, so that maps are correlated in the same way at all scales: what training images determine at coarse
+    scales holds at fine ones. Normals are those of a height, hence integrable and in phase with correlated maps. No
+    layer uses batch statistics: a sample is the same in training as in evaluation.
 
     Args:
         size: side of the maps, 4·2^k.
-        code_size: of the vector.
+        code_size: length of the vector.
         places: channels of the map of 4² places.
-        channels: at 4²; halved with every level, to `least` at least.
-        sources: of noise, a level.
+        channels: at 4²; halved with every level, down to `least`.
+        sources: sources of noise in each level.
         fields: channels at full size.
+        least: see `channels`.
 
     References:
         Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from).
         Zhou et al. 2022, TileGen (levels that repeat themselves). Karras et al. 2019 (noise at every level).
         Shi et al. 2016 (sub-pixel convolution). Zhang & Sennrich 2019 (root-mean-square norm).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.networks.StationaryMaterials(size=16, channels=16, least=8).sample(2).shape
+        torch.Size([2, 8, 16, 16])
     """
 
     def __init__(
@@ -176,17 +189,16 @@ class StationaryMaterials(MaterialGenerator):
 
 
 class Pixelwise(nn.Module):
-    """Fields (B, C, H, W) to a map of them, pixel by pixel: a perceptron of two layers, modulated by the vector.
+    """A perceptron of two layers, modulated by a vector, that maps fields (B, C, H, W) to one map, pixel by pixel.
 
-    At the start a field's share in a map has either sign, as the vector has it: materials whose gloss goes with their
-    colour and such whose gloss goes against it. Which are true photographs tell, and the vectors follow. A sign that
-    all materials had at once would have to be given up by all of them through maps with no contrast, which no
-    discriminator lets pass.
+    Before training, the sign of a field's weight in a map varies with the vector, so that any two maps are positively
+    correlated in some materials and negatively in others. Training can then change the proportion. If all materials had
+    the same sign, changing it would pass through maps without contrast, which discriminators reject.
 
     Args:
-        hidden: length of what the vector became.
+        hidden: length of the vector.
         fields: C.
-        first: the map's channels where the perceptron says nothing.
+        first: initial bias of the map's channels.
     """
 
     def __init__(self, hidden: int, fields: int, first: tuple[float, ...]) -> None:
@@ -204,7 +216,7 @@ class Pixelwise(nn.Module):
 
 
 class TilingLevel(nn.Module):
-    """Convolution, bilinear doubling, noise, modulated scale, ReLU; what leaves on the left enters on the right."""
+    """A periodic level: convolution, bilinear doubling, noise, modulated scale, ReLU."""
 
     def __init__(self, hidden: int, before: int, after: int, sources: int) -> None:
         super().__init__()
@@ -216,16 +228,16 @@ class TilingLevel(nn.Module):
         size = 2 * x.shape[2]
         if size not in noise:
             noise[size] = noise_of(places, size, self.strength.shape[1])
-        # One column more on every side than the convolution takes, for the interpolation; then cut off.
+        # A border of one more texel than the convolution needs, for the interpolation; removed afterwards.
         x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
         x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise[size], self.strength[:, :, None, None])
         return F.relu(self.norm(x, hidden))
 
 
 def without_lattice(x: Tensor) -> Tensor:
-    """(B, 4 C, H, W) for a sub-pixel shuffle, the means over places of each four that make one channel made equal.
+    """Equalise the means over places of each four channels of (B, 4 C, H, W) that a sub-pixel shuffle interleaves.
 
-    Else a constant difference of neighbours is easily learned, and seen as a lattice over the whole picture.
+    Otherwise a constant difference of the four, visible as a lattice, is easily learned.
     """
     mean = x.mean((2, 3), keepdim=True)
     each = mean.view(len(x), -1, 4, 1, 1)
@@ -233,16 +245,16 @@ def without_lattice(x: Tensor) -> Tensor:
 
 
 def tiled(x: Tensor, border: int) -> Tensor:
-    """x with a border of its own repetition."""
+    """Pad x periodically."""
     return F.pad(x, (border,) * 4, mode="circular")
 
 
 def noise_of(code: Tensor, size: int, sources: int = 1) -> Tensor:
-    """(B, sources, size, size), nearly N(0, 1): a function of the code, so that samples repeat.
+    """Return noise (B, sources, size, size), nearly N(0, 1), as a function of the code.
 
-    frac(sin) of the pixel's number and the code, as shaders draw noise, brought to mean 0 and deviation 1. Of each
-    eight sources the first four are nearly white; the others are `GRAIN`, which convolutions of three pixels could not
-    make of white noise: grooves and the joints of boards, which go on from end to end, and fibres.
+    frac(sin) of the pixel's index and the code, as in shaders, brought to mean 0 and deviation 1. Of each eight sources
+    the first four are nearly white; the others are stretched by `GRAIN`, to grooves and joints from edge to edge and to
+    fibres, which convolutions of three pixels cannot make from white noise.
     """
     seed = code.detach().double()[:, :2].sum(1) * 1e3
     pixel = torch.arange(sources * size * size, dtype=torch.float64, device=code.device)
@@ -252,7 +264,7 @@ def noise_of(code: Tensor, size: int, sources: int = 1) -> Tensor:
 
 
 def _stretched(x: Tensor, axis: int, share: float) -> Tensor:
-    """White noise (B, S, S) averaged along an axis over so much of the side, of deviation 1 again."""
+    """Average white noise (B, S, S) along an axis over a share of the side, at the same deviation."""
     if share == 1:
         return x.narrow(axis, 0, 1).expand_as(x)
     n = max(1, round(share * x.shape[axis]))

@@ -1,4 +1,4 @@
-"""A discriminator of textures: what is in a picture counts, not where, and its company in the batch."""
+"""TextureDiscriminator: scores statistics of features over places and over the batch."""
 
 from __future__ import annotations
 
@@ -12,34 +12,42 @@ from .._types import UserError
 from ..ops.low_discrepancy import STEPS
 from .blocks import upsampling_levels
 
-FLOOR = 1e-4  # of a variance, so that its root has a slope
+FLOOR = 1e-4  # added to variances: the derivative of their root stays finite
 
 
 class TextureDiscriminator(nn.Module):
-    """Statistics of features in windows of a pyramid: means and deviations over places, and these over the batch.
+    """A discriminator of textures: statistics of features in windows of an image pyramid.
 
-    The picture, and averaged down by 2, 4, … until it fits into a window: of each a window, and for each stride-2
-    convolutions down to 4², channels doubling. Of every level's features the means over places and the deviations
-    around them, s; of s the deviations over the batch, d. Logit: a row a head times LeakyReLU(A s + B d). A few
-    hundred pictures are thousands of windows, and an average has no place to be learned by heart; d finds out a
-    generator that makes one thing again and again.
+    The image is averaged down by 1, 2, 4, … until it fits into a window. Each scale has stride-2 convolutions of one
+    window, down to 4², with doubling channels. s are the means and deviations over places of the features of every
+    layer, d the deviations of s over the batch. The logit is the head's row of weights times LeakyReLU(A s + B d).
 
-    The windows of successive calls in training lie low-discrepant (Roberts' R₂), counted in a buffer, so that a resumed
-    run goes on with the next; outside of training they are in the middle.
+    Windows multiply the number of training images, and statistics over places prevent memorising them; d detects a
+    generator that repeats itself. In training, windows of successive calls follow Roberts' R₂ sequence, counted in a
+    buffer, so that a resumed run continues the sequence; in evaluation mode they are central.
 
     Args:
-        shape: (C, H, W) of one image, square, a side of 4·2^k.
-        heads: rows of the last layer, one a way of looking.
-        channels: after the first convolution of each.
-        group: images compared with one another: real and generated ones of a concatenated pass are not to be mixed.
-        window: side of the windows, 8 at least; at most 32 unless given.
+        shape: (C, H, W) of one image, square, with a side of 4·2^k.
+        heads: number of heads, the rows of the last layer; one for each observation.
+        channels: after the first convolution of each scale.
+        group: size of the groups of consecutive images over which d is computed (default: the whole batch); real and
+            generated images of a concatenated batch should not be mixed.
+        window: side of the windows, 8 or more (default: 32, or the side of smaller images).
+        hidden: rows of A and B.
+        slope: of LeakyReLU.
 
     References:
         Gatys et al. 2015 (statistics of features as textures); Wang et al. 2018, pix2pixHD (discriminators of several
         scales); Karras et al. 2018 (deviations over the batch); Roberts 2018 (R₂).
 
     Raises:
-        UserError: for images of another shape, or a window that is no 4·2^k or larger than they.
+        UserError: for images of another shape, or a window that is not 4·2^k or is larger than the images.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> discriminator = up.networks.TextureDiscriminator((3, 32, 32), heads=2, channels=4)
+        >>> discriminator(torch.rand(4, 3, 32, 32), head=torch.tensor([0, 1, 0, 1])).shape
+        torch.Size([4])
     """
 
     taken: Tensor
@@ -70,7 +78,7 @@ class TextureDiscriminator(nn.Module):
         self.register_buffer("taken", torch.zeros((), dtype=torch.long))
 
     def forward(self, image: Tensor, head: Tensor) -> Tensor:
-        """Logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) chooses the head of each."""
+        """Return logits (B,) of images in [0, 1], which are scaled to [-1, 1]; `head` (B,) is the head of each."""
         image = (image * 2 - 1).contiguous(memory_format=torch.channels_last)
         s = torch.cat([self._statistics(k, x) for k, x in enumerate(self.windows(image))], 1)
         d = torch.cat([_deviation(part, 0).expand_as(part) for part in s.split(self.group or len(s))])
@@ -79,7 +87,7 @@ class TextureDiscriminator(nn.Module):
         return (y * weights[:, :-1]).sum(1) + weights[:, -1]
 
     def windows(self, image: Tensor) -> list[Tensor]:
-        """One window of every scale, finest first; the last is the whole picture."""
+        """Return one window of each scale, finest first; the last is the whole image."""
         self.taken += int(self.training)
         taken = self.taken.item() if self.training else 0
         place = [math.fmod(0.5 + step * taken, 1) for step in STEPS]

@@ -1,4 +1,4 @@
-"""View predictor: which way of looking made this image?"""
+"""ViewPredictor: a classifier of the observation that made an image."""
 
 from __future__ import annotations
 
@@ -10,13 +10,21 @@ BLOCKS = 4
 
 
 class ViewPredictor(nn.Module):
-    """The discriminator's four stride-2 convolutions with batch norm, and logits over the bins.
+    """Four stride-2 convolutions as in `Discriminator`, with batch norm, and logits over the bins.
 
     Args:
         shape: of one input: (C, H, W), or (C, W) for lines.
+        bins: number of classes, one for each observation.
+        channels: after the first convolution; they double with each one.
 
     References:
         Li et al. 2019, supplemental, Part I.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> predictor = up.networks.ViewPredictor((1, 32, 32), bins=16)
+        >>> predictor(torch.rand(4, 1, 32, 32)).shape
+        torch.Size([4, 16])
     """
 
     def __init__(self, shape: tuple[int, ...], bins: int, channels: int = 16) -> None:
@@ -31,5 +39,5 @@ class ViewPredictor(nn.Module):
         self.layers = nn.Sequential(*layers, nn.Flatten(), nn.Linear(features, bins))
 
     def forward(self, image: Tensor) -> Tensor:
-        """Logits (B, bins) of images (B, C, H, W), or lines (B, C, W), in [0, 1]."""
+        """Return logits (B, bins) of images (B, C, H, W), or lines (B, C, W), in [0, 1]."""
         return self.layers(image * 2 - 1)

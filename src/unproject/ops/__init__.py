@@ -1,4 +1,4 @@
-"""Pure tensor mathematics: rotation, resampling, line integrals, occupancy along rays, visual hulls, iso-surfaces."""
+"""Differentiable tensor operations: rotation, resampling, line integrals, occupancy along rays, visual hulls."""
 
 from __future__ import annotations
 

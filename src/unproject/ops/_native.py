@@ -1,9 +1,9 @@
-"""Fast paths in C++, compiled once by the system's own compiler; without one the same values come from torch.
+"""Kernels in C++, compiled on first use by the system's compiler; without one the same values come from torch.
 
 `kernel("line_integrals", "line_integrals_float")` is a function of `ops/line_integrals.cpp` that takes pointers and
-numbers, or None where there is no compiler, where it fails, or with UNPROJECT_NATIVE=0. Nothing is compiled before it
-is asked for; a build takes about two seconds and is kept in the user's cache folder, under a name that changes with
-the source, the compiler and the processor. A plain torch reference stands beside each kernel, and tests compare them.
+numbers, or None without a compiler, if compilation fails, or with UNPROJECT_NATIVE=0. A build takes about two seconds
+and is cached in the user's cache folder, under a name that changes with the source, the compiler and the processor.
+Each kernel has a plain torch reference, and tests compare the two.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ SECONDS = 120  # for a build on a busy machine
 
 
 def kernel(source: str, name: str) -> Callable[..., None] | None:
-    """The C function `name` of ops/SOURCE.cpp, or None."""
+    """Return the C function `name` of ops/SOURCE.cpp, or None."""
     library = _library(source) if os.environ.get("UNPROJECT_NATIVE", "1") != "0" else None
     return None if library is None else getattr(library, name)
 
 
 def pointer(x: Tensor) -> ctypes.c_void_p:
-    """Where the elements of a contiguous tensor are."""
+    """Return the address of the elements of a contiguous tensor."""
     assert x.is_contiguous()
     return ctypes.c_void_p(x.data_ptr())
 
@@ -45,7 +45,7 @@ def _library(source: str) -> Any:
     file = Path(__file__).parent / f"{source}.cpp"
     if compiler is None:
         return None
-    # Not every compiler knows the processor by this name.
+    # Not every compiler supports -march=native.
     return _built(compiler, file, (*FLAGS, "-march=native")) or _built(compiler, file, FLAGS)
 
 
@@ -63,7 +63,7 @@ def _built(compiler: str, source: Path, flags: tuple[str, ...]) -> Any:
 
 
 def _sources(source: Path) -> list[bytes]:
-    """The source and the headers beside it."""
+    """Read the source and the headers in its folder."""
     return [file.read_bytes() for file in (source, *sorted(source.parent.glob("*.h")))]
 
 
@@ -82,7 +82,7 @@ def _key(*parts: bytes | str) -> str:
 
 
 def _processor() -> str:
-    """What -march=native depends on: a cache folder may be shared by different machines."""
+    """Return the processor's features, on which -march=native depends: machines may share a cache folder."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line for line in lines if line.startswith(("flags", "Features")))

@@ -1,9 +1,9 @@
-"""The fast path for elevation 0: rays of a level orthographic camera, one horizontal plane for all heights.
+"""Rays of an orthographic camera at elevation 0: the fast path of silhouettes.
 
-Such a ray stays at its height, and the samples of a ray are the same sparse matrix A (four bilinear weights
-a row) for every height. With the volume as a table of columns V (one row a place (x, z), one column a height),
-the samples are A V, a gather of four rows each; the gradient is Aᵀ g, again a gather, because a voxel is
-touched only by the few samples around it. `resampling` is the plain reference that this must equal.
+Such a ray stays at its height, and its samples are the same sparse matrix A (four bilinear weights a row) at every
+height. With the volume as a table of columns V, one row for each place (x, z) and one column for each height, the
+samples are A V, a gather of four rows each. The gradient is Aᵀ g, again a gather, since only the few samples around a
+voxel depend on it. `resampling` is the plain reference with the same values.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Gather(NamedTuple):
 
 @dataclass(frozen=True)
 class PlaneRays:
-    """The rays of one horizontal plane of (X, Z) voxels: `size` columns of `samples` samples, nearest first."""
+    """The rays in one horizontal plane of (X, Z) voxels: `size` pixels, each with `samples` samples, nearest first."""
 
     azimuth: Tensor
     plane: tuple[int, int]
@@ -40,7 +40,7 @@ class PlaneRays:
     half_depth: float
 
     def forward(self) -> Gather:
-        """A: each sample, (B size samples) rows, gathers the four places around it."""
+        """Return A: each sample, (B size samples) rows, gathers the four places around it."""
         c, s = (value[:, None, None] for value in cos_sin(self.azimuth))
         of_column, of_sample = self._positions(self._range(self.size)[:, None], self._range(self.samples), c, s)
         x, x_weight = _neighbours(of_column[0] + of_sample[0], self.plane[0])
@@ -50,7 +50,7 @@ class PlaneRays:
         return _gather(z[None, :] + x[:, None], z_weight[None, :] * x_weight[:, None])
 
     def adjoint(self, summed: bool = False) -> Gather:
-        """Aᵀ: each place, (Z B X) rows, gathers the samples within one voxel of it; or, of sums, their columns."""
+        """Return Aᵀ: each place, (Z B X) rows, gathers the samples within one voxel; if `summed`, their pixels."""
         c, s = (value[:, None] for value in cos_sin(self.azimuth))
         x, z = self._range(self.plane[0]), self._range(self.plane[1])[:, None, None]
         column, sample = self._nearby(x, z, c, s)
@@ -67,7 +67,7 @@ class PlaneRays:
         return _gather((column * self.samples)[:, None] + sample.clamp_(0, self.samples - 1).int()[None, :], weight)
 
     def _positions(self, column: Tensor, sample: Tensor, c: Tensor, s: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
-        """Fractional voxel indices (x, z) of samples, as a part due to the column and a part due to the sample."""
+        """Return fractional voxel indices (x, z) of samples as two summands, one of the pixel and one of the sample."""
         width, depth = self.plane
         u = self.viewport * ((column * 2 + 1 - self.size) / self.size)
         w = -self.half_depth * ((sample * 2 + 1 - self.samples) / self.samples)
@@ -75,7 +75,7 @@ class PlaneRays:
         return of_column, (w * s * width / 2, w * c * depth / 2)
 
     def _nearby(self, x: Tensor, z: Tensor, c: Tensor, s: Tensor) -> tuple[Tensor, Tensor]:
-        """(n, Z, B, X): columns, and samples, of a lattice that covers the turned ±1 voxel around each place."""
+        """Return pixels, and samples, (n, Z, B, X), of a lattice that covers ±1 voxel, rotated, around each place."""
         x, z = (x * 2 + 1) / self.plane[0] - 1, (z * 2 + 1) / self.plane[1] - 1
         reach = 2 * math.sqrt(2) / min(self.plane)
         column = _around((x * c - z * s) / self.viewport, reach / self.viewport, self.size)
@@ -87,18 +87,18 @@ class PlaneRays:
 
 
 def _gather(row: Tensor, weight: Tensor) -> Gather:
-    """From (n, m, …) tap by tap to (…, n m): taps last is what gathers want, taps first is fast to compute."""
+    """Reorder from (n, m, …), which is fast to compute, to (…, n m), which gathers need."""
     taps = row.shape[0] * row.shape[1]
     return Gather(*(value.reshape(taps, -1).t().contiguous() for value in (row, weight)))
 
 
 def _hat(distance: Tensor) -> Tensor:
-    """max(0, 1 - |distance|), in place: there are many of these."""
+    """Compute max(0, 1 - |distance|) in place, to save memory."""
     return distance.abs_().neg_().add_(1).clamp_(min=0)
 
 
 def _neighbours(position: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """(2, ...): the two cells around `position` and their linear weights, 0 for a cell that does not exist."""
+    """Return the two cells around `position` and their linear weights, (2, ...); 0 for a cell outside the volume."""
     first = position.floor()
     cells = torch.stack((first, first + 1))
     weights = torch.stack((first + 1 - position, position - first))
@@ -107,20 +107,20 @@ def _neighbours(position: Tensor, count: int) -> tuple[Tensor, Tensor]:
 
 
 def _around(position: Tensor, reach: float, count: int) -> Tensor:
-    """(n, ...): indices of the cells of [-1, 1] whose centres may lie within `reach` of `position`."""
+    """Return indices (n, ...) of the cells of [-1, 1] whose centres may lie within `reach` of `position`."""
     reach = reach * count / 2 + 1e-3
     first = (((position + 1) * count - 1) / 2 - reach).ceil()
     return torch.stack([first + k for k in range(math.floor(2 * reach) + 1)])
 
 
 def ray_samples(volume: Tensor, rays: PlaneRays) -> Tensor:
-    """(B, size, samples, Y): what every sample of every column meets at every height of `volume` (B, X, Y, Z)."""
+    """Return the samples of all rays, (B, size, samples, Y), of `volume` (B, X, Y, Z)."""
     values = _Multiply.apply(_columns(volume), rays.forward(), rays.adjoint)
     return values.view(len(volume), rays.size, rays.samples, -1)
 
 
 def ray_sums(volume: Tensor, rays: PlaneRays) -> Tensor:
-    """(B, size, Y): the samples of each ray summed, without ever holding them."""
+    """Return the sum over each ray, (B, size, Y), without storing the samples."""
 
     def summed() -> Gather:
         index, weight = rays.forward()
@@ -132,7 +132,7 @@ def ray_sums(volume: Tensor, rays: PlaneRays) -> Tensor:
 
 
 def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:
-    """Linear interpolation along y to `size` heights at the pixel centres of [-viewport, viewport]; zero outside."""
+    """Interpolate linearly along y to `size` heights, the pixel centres of [-viewport, viewport]; zero outside."""
     count = volume.shape[2]
     if viewport == 1 and size == count:
         return volume
@@ -142,19 +142,19 @@ def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:
 
 
 def _columns(volume: Tensor) -> Tensor:
-    """The table of columns, (Z B X, Y): the one order that a plain (fast) transposition of a matrix gives."""
+    """Return the table of columns, (Z B X, Y): the order that one (fast) matrix transposition gives."""
     return volume.reshape(-1, volume.shape[3]).t().contiguous().view(-1, volume.shape[2])
 
 
 class _Multiply(torch.autograd.Function):
-    """A V by gathering rows; its gradient Aᵀ g likewise, so that no sum depends on an order of threads."""
+    """A V by gathering rows, and its gradient Aᵀ g likewise: no sum depends on the order of threads."""
 
     @staticmethod
-    def forward(ctx: Any, table: Tensor, matrix: Gather, adjoint: Callable[[], Gather]) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(ctx: Any, table: Tensor, matrix: Gather, adjoint: Callable[[], Gather]) -> Tensor:
         ctx.matrix, ctx.adjoint = matrix, adjoint
         return F.embedding_bag(matrix.index, table, per_sample_weights=matrix.weight.to(table), mode="sum")
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
         matrix = ctx.matrix
         return _Multiply.apply(gradient.contiguous(), ctx.adjoint(), lambda: matrix), None, None

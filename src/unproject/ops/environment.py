@@ -1,11 +1,12 @@
-"""Distant light: environments as lat-long maps, their lookup, their importance sampling and their exposure.
+"""Distant light: environments as lat-long maps, their lookup, importance sampling and exposure.
 
-Row 0 of a map is the surface normal z, the columns run φ = 0 … 2π; pixel centres lie at (column + ½)/W and (row + ½)/H.
-Between them radiance is bilinear, so that it has a slope, and samples are drawn from exactly the bilinear density
+Row 0 of a map is at the surface normal z, the columns run φ = 0 … 2π; pixel centres lie at (column + ½)/W and
+(row + ½)/H. Radiance is bilinear between them, hence differentiable in the direction. Directions are drawn from the
+bilinear density
 
     p(ω) = w(φ, θ) H W / (2π² sinθ Σ w),      w = mean over colours of L · sinθ · max(cosθ, 1/20)
 
-a texel chosen in proportion to w and a place under its tent.
+by choosing a texel in proportion to w, and a place in it with a triangular density along each axis.
 """
 
 from __future__ import annotations
@@ -19,22 +20,23 @@ from torch import Tensor
 from .._types import UserError
 
 LEAST_SINE = 1e-4
-GRAZING = 0.05  # light from below the horizon still reaches tilted normals
+GRAZING = 0.05  # least cosine in w: tilted normals receive light from below the horizon too
 
 
 class Environments(NamedTuple):
-    """K maps made ready: (K, H, W, 4) radiance and p(ω) sinθ; (K, H W) the running sum of the texels' shares."""
+    """K prepared maps: `table` (K, H, W, 4), radiance and p(ω) sinθ; `running` (K, H W), cumulative sums of w / Σ w."""
 
     table: Tensor
     running: Tensor
 
     @property
     def size(self) -> tuple[int, int]:
+        """Height and width of the maps."""
         return self.table.shape[1], self.table.shape[2]
 
 
 def prepare_environments(radiance: Tensor) -> Environments:
-    """Of radiance (K, 3, H, W).
+    """Prepare environments of radiance (K, 3, H, W) for lookup and sampling.
 
     Raises:
         UserError: for another shape, values that are not finite, negative ones, or a map without light.
@@ -58,7 +60,7 @@ def prepare_environments(radiance: Tensor) -> Environments:
 
 
 def _rows(radiance: Tensor) -> tuple[Tensor, Tensor]:
-    """cosθ and sinθ of the rows' centres."""
+    """Return cosθ and sinθ of the rows' centres."""
     theta = (torch.arange(radiance.shape[2], dtype=radiance.dtype, device=radiance.device) + 0.5) * (
         math.pi / radiance.shape[2]
     )
@@ -66,30 +68,45 @@ def _rows(radiance: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def solid_angles(height: int, width: int) -> Tensor:
-    """(H, W) of the texels, float64; they add up to 4π."""
+    """Return the solid angles (H, W) of the texels of a lat-long map, float64; their sum is 4π.
+
+    Examples:
+        >>> round(solid_angles(8, 16).sum().item(), 4)
+        12.5664
+    """
     edges = torch.cos(torch.arange(height + 1, dtype=torch.float64) * (math.pi / height))
     return ((edges[:-1] - edges[1:]) * (2 * math.pi / width))[:, None].expand(height, width)
 
 
 def exposure(radiance: Tensor) -> Tensor:
-    """(K,): the factor that brings the light from the upper hemisphere to that of an ambient radiance of 1.
+    """Return the factor (K,) that scales the light of the upper hemisphere to that of an ambient radiance of 1.
 
-    2π / ∫_{upper} L dω, L the mean over colours: what the paper calls auto-exposure. Ambient and directional lights
-    are at that exposure by definition. A map without light from above gets 1.
+    2π / ∫_{upper} L dω, L the mean over colours: the paper's auto-exposure. It is 1 for ambient and directional light
+    by definition, and for a map without light from above.
+
+    Args:
+        radiance: (K, 3, H, W).
     """
     height, width = radiance.shape[2:]
-    above = (height - 2 * torch.arange(height, dtype=torch.float64)).clamp(0, 2)[:, None] / 2  # an odd row counts half
+    above = (height - 2 * torch.arange(height, dtype=torch.float64)).clamp(0, 2)[:, None] / 2  # the middle row has ½
     weights = (solid_angles(height, width) * above).to(radiance.device)
     total = (radiance.double().mean(1) * weights).sum((1, 2))
     return torch.where(total > 0, 2 * math.pi / total, torch.ones_like(total)).to(radiance)
 
 
 def look_up(environments: Environments, which: Tensor, turn: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
-    """Radiance (..., 3) and density (...) in a direction (B, ..., 3); `turn` (B,) turns the light about z."""
+    """Return radiance (..., 3) and density (...) in a direction (B, ..., 3).
+
+    Args:
+        environments: K prepared maps.
+        which: (B,) int64, the map of each batch element.
+        turn: (B,) radians, the rotation of the map about z.
+        direction: (B, ..., 3) unit vectors.
+    """
     height, width = environments.size
     lift = (slice(None), *[None] * (direction.dim() - 2))
     x, y, z = direction.unbind(-1)
-    away = x.square() + y.square() > 1e-14  # at the pole the azimuth has no slope
+    away = x.square() + y.square() > 1e-14  # at the pole the azimuth has no gradient
     z = z.clamp(-1 + 1e-7, 1 - 1e-7)
     azimuth = torch.atan2(torch.where(away, y, 0), torch.where(away, x, 1)) - turn[lift]
     column = azimuth * (width / (2 * math.pi)) - 0.5
@@ -101,7 +118,7 @@ def look_up(environments: Environments, which: Tensor, turn: Tensor, direction: 
 
 
 def _bilinear(table: Tensor, which: Tensor, left: Tensor, upper: Tensor, across: Tensor, down: Tensor) -> Tensor:
-    """(..., 4) of a table (K, H, W, 4) that goes around from left to right."""
+    """Interpolate a table (K, H, W, 4), periodic from left to right, to (..., 4)."""
     _, height, width, _ = table.shape
     flat = table.view(-1, 4)
     start = (which * height + upper) * width
@@ -113,12 +130,12 @@ def _bilinear(table: Tensor, which: Tensor, left: Tensor, upper: Tensor, across:
 
 
 def sample_environments(environments: Environments, which: Tensor, turn: Tensor, u: Tensor) -> Tensor:
-    """(B, M, 3) directions with the density of `look_up`, of u (B, M, 3) in [0, 1)."""
+    """Draw directions (B, M, 3) with the density that `look_up` returns, from u (B, M, 3) in [0, 1)."""
     height, width = environments.size
     texel = torch.searchsorted(environments.running[which], u[..., 0].contiguous(), right=True)
     texel = texel.clamp(max=height * width - 1)
     row = texel // width + 0.5 + _tent(u[..., 1])
-    # Above the first row's centre density is constant, as is radiance: what falls over the pole is folded back.
+    # Above the centre of the first row density and radiance are constant; rows beyond the pole are reflected.
     row = torch.where(row > height, 2 * height - row, row.abs())
     theta = row * (math.pi / height)
     phi = (texel % width + 0.5 + _tent(u[..., 2])) * (2 * math.pi / width) + turn[:, None]
@@ -127,5 +144,5 @@ def sample_environments(environments: Environments, which: Tensor, turn: Tensor,
 
 
 def _tent(u: Tensor) -> Tensor:
-    """Triangular on [-1, 1]."""
+    """Map uniform u to the triangular density on [-1, 1]."""
     return torch.where(u < 0.5, (2 * u).sqrt() - 1, 1 - (2 - 2 * u).clamp(min=0).sqrt())

@@ -1,4 +1,4 @@
-"""From radiance to the values of a picture, as a camera's: gamma 2.2 and a clamp at 1; and back from sRGB."""
+"""From linear radiance to the values of a photograph, gamma 2.2 and a clamp at 1; and back from sRGB."""
 
 from __future__ import annotations
 
@@ -10,7 +10,13 @@ TOE = 1e-4
 
 
 def develop(radiance: Tensor, gamma: float = GAMMA) -> Tensor:
-    """min(L^(1/γ), 1); below 10⁻⁴ the chord from 0, because the root's slope is infinite there."""
+    """Compute min(L^(1/γ), 1); linear below L = 10⁻⁴, since the derivative of the root is infinite at 0.
+
+    Examples:
+        >>> import torch
+        >>> develop(torch.tensor([0.0, 0.5, 2.0]))
+        tensor([0.0000, 0.7297, 1.0000])
+    """
     lit = radiance.clamp(min=TOE) ** (1 / gamma)
     return (lit * (radiance / TOE).clamp(0, 1)).clamp(max=1)
 

@@ -1,9 +1,9 @@
-"""The visual hull: the largest volume that casts the same silhouettes (Laurentini 1994).
+"""The visual hull: the largest volume with the same silhouettes (Laurentini 1994).
 
 H(x, y, z) = min_k S_k(u_k(x, z), y),   S_k(j, y) = max of v over the voxels (x, z) whose u_k falls in column j
 
-with level orthographic views k, u_k = x cos a_k - z sin a_k and columns one voxel wide. Defined by maxima and
-minima, it commutes with thresholding: the hull of a soft volume is soft. On the grid H >= v and hull(H) = H exactly.
+with orthographic views k at elevation 0, u_k = x cos a_k - z sin a_k and columns one voxel wide. As it consists of
+maxima and minima, it commutes with thresholding. On the grid H >= v and hull(H) = H exactly.
 """
 
 from __future__ import annotations
@@ -17,15 +17,23 @@ from .resampling import centres
 
 
 def visual_hull(volume: Tensor, views: int = 16) -> Tensor:
-    """Fill what none of `views` level cameras can see to be empty: cavities and the insides of hollows.
+    """Compute the visual hull from `views` cameras at elevation 0; it fills cavities and concavities.
 
-    The views stand at azimuths k π / views: half a turn, as the opposite view is the mirror image.
+    The views are at azimuths k π / views, half a turn: the opposite view has the mirrored silhouette.
 
     Args:
         volume: (B, X, Y, Z).
+        views: number of cameras.
 
     Returns:
         (B, X, Y, Z), at least `volume` everywhere.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> shell = torch.ones(1, 6, 6, 6)
+        >>> shell[:, 2:4, 2:4, 2:4] = 0
+        >>> up.ops.visual_hull(shell).min()
+        tensor(1.)
     """
     hull = torch.full_like(volume, math.inf)
     for k in range(views):
@@ -35,18 +43,18 @@ def visual_hull(volume: Tensor, views: int = 16) -> Tensor:
 
 
 def _columns(volume: Tensor, azimuth: float) -> Tensor:
-    """(X, Z) picture column in which each place is seen, the columns as wide as a voxel and as many as needed."""
+    """Return the picture column (X, Z) that each place projects to; columns are as wide as a voxel."""
     width, depth = volume.shape[1], volume.shape[3]
     widest = max(width, depth)
     x, z = centres(width, volume)[:, None], centres(depth, volume)
     u = (x * math.cos(azimuth) - z * math.sin(azimuth)) * widest / 2
     margin = math.ceil((math.hypot(width, depth) - widest) / 2)
-    # The nudge keeps a wall seen edge-on at 45°, where rounding decides the side, in one column.
+    # The offset keeps a wall edge-on at 45°, where rounding would decide the column, in one column.
     return (u + widest / 2 + margin + 1e-3).floor().long()
 
 
 def _cast_back(volume: Tensor, columns: Tensor) -> Tensor:
-    """Each place's value of the silhouette S at its column."""
+    """Return the value of the silhouette S at the column of each place."""
     planes = volume.transpose(2, 3).flatten(1, 2)
     index = columns.flatten()
     silhouette = planes.new_zeros(len(volume), int(index.max()) + 1, volume.shape[2])

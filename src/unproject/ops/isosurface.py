@@ -1,4 +1,4 @@
-"""The surface {x : v(x) = level} of a volume, as a closed triangle mesh.
+"""The surface {x : v(x) = level} of a volume as a closed triangle mesh.
 
 The volume is taken as zero outside its box, so the surface is closed even where the shape touches the box.
 Voxel i of N has its centre at (i + 1/2)/N·2 - 1: a solid block of voxels gets the extents of its voxels.
@@ -23,7 +23,7 @@ _TAUBIN = (0.5, 1 / (1 / 0.5 - 0.1))
 def isosurface(
     volume: ArrayLike, level: float = 0.5, *, smooth: int = 0, largest: bool = False, min_fraction: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Marching cubes (Lewiner) on the zero-padded volume, normals outwards.
+    """Extract the surface by marching cubes (Lewiner) on the zero-padded volume, normals outwards.
 
     Args:
         volume: (X, Y, Z) array or tensor, occupancy in [0, 1].
@@ -37,6 +37,14 @@ def isosurface(
 
     Raises:
         UserError: not three axes, values that are not finite, or a level outside its range.
+
+    Examples:
+        >>> import numpy as np
+        >>> volume = np.zeros((8, 8, 8))
+        >>> volume[2:6, 2:6, 2:6] = 1  # a cube of half the side
+        >>> vertices, faces = isosurface(volume)
+        >>> vertices.min().round(2), vertices.max().round(2), faces.shape[1]
+        (np.float32(-0.5), np.float32(0.5), 3)
     """
     v = without_floaters(_checked(volume, level), level, largest=largest, min_fraction=min_fraction)
     if not (v > level).any():
@@ -51,9 +59,9 @@ def isosurface(
 def without_floaters(
     volume: ArrayLike, level: float = 0.5, *, largest: bool = False, min_fraction: float = 0.0
 ) -> np.ndarray:
-    """The volume without its small loose parts.
+    """Return the volume without small disconnected parts.
 
-    Parts are the 26-connected components of {v > level}: what touches in a corner belongs together. Those with
+    Parts are the 26-connected components of {v > level}: voxels that share a corner are connected. Those with
     fewer than `min_fraction` of the voxels of the largest are set to zero, and all but the largest if `largest`.
     """
     v = np.asarray(volume)
@@ -70,7 +78,7 @@ def without_floaters(
 
 
 def without_cavities(volume: ArrayLike, level: float = 0.5) -> np.ndarray:
-    """The volume with every hollow that no path from outside reaches filled: nobody can see it."""
+    """Return the volume with its cavities, which are not connected to the outside, filled."""
     v = np.asarray(volume)
     hidden = ndimage.binary_fill_holes(v > level) & (v <= level)
     return np.where(hidden, 1, v)
@@ -81,9 +89,7 @@ def _checked(volume: ArrayLike, level: float) -> np.ndarray:
     if v.ndim != 3:
         raise UserError(f"a volume has three axes, this array has shape {v.shape}: pass one shape at a time")
     if not np.isfinite(v).all():
-        raise UserError(
-            "the volume holds NaN or infinity: the run that made it has diverged, use an earlier checkpoint"
-        )
+        raise UserError("the volume holds NaN or infinity: its run has diverged, use an earlier checkpoint")
     if not 0.01 <= level <= 0.99:
         raise UserError(f"level {level} is not between 0.01 and 0.99: use 0.5 for the middle of the surface")
     return v

@@ -1,8 +1,8 @@
-// Line integrals of images and their transposed; line_integrals.py has the formula and the plain reference.
+// Line integrals of images and their transpose; line_integrals.py has the formula and the plain reference.
 //
-// A pixel's shadow is a trapezoid `longer + shorter` wide, in detectors. It begins in detector `start` and touches
+// A pixel's footprint is a trapezoid `longer + shorter` wide, in detectors. It begins in detector `start` and overlaps
 // `borders + 1` of them; the share left of the k-th border is F(inside + k). Buffers with a margin on either
-// side take what falls beside the detectors.
+// side hold what projects outside the detectors.
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@
 
 namespace {
 
-// Neighbouring pixels fall into the same detectors; sums that take turns do not wait for one another.
+// Neighbouring pixels project to the same detectors; alternating sums do not depend on one another.
 constexpr int64_t LANES = 4;
 
 template <class T>
@@ -28,7 +28,7 @@ inline T ramp(T t, T width, T half_inverse) {  // the integral of clamp(s / widt
     return beyond - reached + reached * reached * half_inverse;
 }
 
-// `Borders` is a number known to the compiler where detectors are as wide as pixels, else an int32_t.
+// `Borders` is a compile-time constant where detectors are as wide as pixels, else an int32_t.
 template <class T, class Borders>
 struct Shadows {
     int64_t height, width, bins, margin;
@@ -50,7 +50,7 @@ struct Shadows {
         half_inverse = T(0.5) / std::max(shorter, T(1e-30)), inverse = 1 / longer;
     }
 
-    // Where the pixels of a row fall: first border, then shares. Copies, because what is written might alias members.
+    // Overlap of a row of pixels: first border, then shares. Copies, because the arrays written might alias members.
     void cast(int64_t row) {
         const T scale = T(bins) / T(2 * width), l = longer, w = shorter, half = half_inverse, by = inverse;
         const T left = T(0.5) * T(bins) - (l + w) / 2 + T(height - 1 - 2 * row) * s * scale;
@@ -96,9 +96,9 @@ struct Shadows {
     }
 };
 
-// The forward and the backward look share all but the innermost line.
+// Projection and back projection share all but the innermost loop.
 template <class T, bool back, class Borders>
-void look(T* image, const T* cosine, const T* sine, T* out, int64_t batch, int64_t channels, int64_t height,
+void project(T* image, const T* cosine, const T* sine, T* out, int64_t batch, int64_t channels, int64_t height,
           int64_t width, int64_t bins, Borders borders) {
     const T scale = T(bins) / (T(width) * T(width));
     Shadows<T, Borders> shadows(height, width, bins, borders);
@@ -135,12 +135,12 @@ using TWO = std::integral_constant<int32_t, 2>;
                          int64_t height, int64_t width, int64_t bins) {                                        \
         const int32_t borders = int32_t(std::floor(std::sqrt(2.0) * double(bins) / double(width))) + 1;       \
         if (borders == 2)                                                                                      \
-            look<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, TWO());              \
+            project<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, TWO());              \
         else                                                                                                   \
-            look<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, borders);            \
+            project<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, borders);            \
     }
 
-EXPORT(look_float, float, false)
-EXPORT(look_double, double, false)
-EXPORT(look_back_float, float, true)
-EXPORT(look_back_double, double, true)
+EXPORT(project_float, float, false)
+EXPORT(project_double, double, false)
+EXPORT(project_back_float, float, true)
+EXPORT(project_back_double, double, true)

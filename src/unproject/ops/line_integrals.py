@@ -1,13 +1,13 @@
-"""Line integrals of images: what a row of detectors, each as wide as its share of the picture, would measure.
+"""Line integrals of images, measured by a row of D equal detectors as wide as the image.
 
-A picture is W pixels wide and one unit long, its pixels are squares of constant value. Detector d of D, at an angle φ,
-receives the mean over its width of the integrals along the lines through it:
+An image is W pixels and one unit wide; its pixels are squares of constant value. Detector d of D, at an angle φ,
+measures the mean over its width of the integrals along the lines through it:
 
     y[d] = D Σ_p x[p] area(pixel p ∩ strip d) = D/W² Σ_p x[p] (F(u_d+1 - c_p) - F(u_d - c_p)),   u_d = d/D - ½
 
-with c_p = (position of p) · (cos φ, sin φ), and F(t) the share of a pixel's shadow left of t. The shadow of a square
-is a trapezoid: a box as wide as the longer of its two edges appears, smoothed with one as wide as the shorter.
-No sampling: of pictures made of pixels these integrals are exact, and nothing that falls on the detectors is lost.
+with c_p = (position of p) · (cos φ, sin φ), and F(t) the part of a pixel's footprint left of t. The footprint of a
+square on the row of detectors is a trapezoid: a box as wide as the longer projection of its edges, convolved with one
+as wide as the shorter. Nothing is sampled: for images of constant pixels the integrals are exact.
 
 References:
     Lo, S.-C. B. 1988, Strip and line path integrals with a square pixel matrix.
@@ -27,12 +27,21 @@ from .rotation import cos_sin
 
 
 def strip_integrals(image: Tensor, angle: Tensor, bins: int) -> Tensor:
-    """(B, C, bins): the plain reference, with the area of every pixel in every strip.
+    """Return line integrals (B, C, bins) from the area of every pixel in every strip: the plain reference.
 
     Args:
         image: (B, C, H, W), row 0 the top.
         angle: (B,) radians, from x (right) towards y (up): the direction in which the detectors lie.
         bins: D, detectors across one image width.
+
+    Examples:
+        >>> import math, torch, unproject as up
+        >>> image = torch.zeros(1, 1, 4, 4)
+        >>> image[..., 1] = 1  # the second column
+        >>> up.ops.strip_integrals(image, torch.tensor([0.0]), bins=4)
+        tensor([[[0., 1., 0., 0.]]])
+        >>> up.ops.strip_integrals(image, torch.tensor([math.pi / 2]), bins=4)
+        tensor([[[0.2500, 0.2500, 0.2500, 0.2500]]])
     """
     height, width = image.shape[2:]
     position, longer, shorter = (value[:, None] for value in _geometry(angle, height, width))
@@ -43,13 +52,13 @@ def strip_integrals(image: Tensor, angle: Tensor, bins: int) -> Tensor:
 
 
 def strip_integrals_sparse(image: Tensor, angle: Tensor, bins: int) -> Tensor:
-    """The same, from the few strips that each pixel touches; `angle` gets no gradient."""
+    """Return the values of `strip_integrals` from the few strips that each pixel overlaps; no gradient by `angle`."""
     shadows = cast_shadows(angle.detach(), image.shape[2], image.shape[3], bins)
     return _Cast.apply(image, shadows, False) * (bins / image.shape[3] ** 2)
 
 
 def strip_integrals_native(image: Tensor, angle: Tensor, bins: int) -> Tensor:
-    """The same on a processor by `line_integrals.cpp`, or by `strip_integrals_sparse` where that cannot be compiled."""
+    """Return `strip_integrals` by `line_integrals.cpp`, or by `strip_integrals_sparse` without a compiler."""
     if _kernel(image, False) is None:
         return strip_integrals_sparse(image, angle, bins)
     return _Native.apply(image, torch.stack(cos_sin(angle.detach().to(image))), image.shape[2:], bins, False)
@@ -57,15 +66,15 @@ def strip_integrals_native(image: Tensor, angle: Tensor, bins: int) -> Tensor:
 
 def _kernel(x: Tensor, back: bool) -> Any:
     return kernel(
-        "line_integrals", f"look{'_back' if back else ''}_{'double' if x.dtype == torch.float64 else 'float'}"
+        "line_integrals", f"project{'_back' if back else ''}_{'double' if x.dtype == torch.float64 else 'float'}"
     )
 
 
 class _Native(torch.autograd.Function):
-    """Images (B, C, H, W) to detectors (B, C, D), or `back`, the transposed: each is the other's gradient."""
+    """Images (B, C, H, W) to detectors (B, C, D), or, with `back`, its transpose: each is the gradient of the other."""
 
     @staticmethod
-    def forward(ctx: Any, values: Tensor, turned: Tensor, size: Any, bins: int, back: bool) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(ctx: Any, values: Tensor, turned: Tensor, size: Any, bins: int, back: bool) -> Tensor:
         ctx.save_for_backward(turned)
         ctx.rest = size, bins, not back
         values = values.contiguous()
@@ -78,16 +87,16 @@ class _Native(torch.autograd.Function):
         return result
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def backward(ctx: Any, gradient: Tensor) -> Any:
         return _Native.apply(gradient, *ctx.saved_tensors, *ctx.rest), None, None, None, None
 
 
 class Shadows(NamedTuple):
-    """Where pixels fall: the share `shares[m]` (B, pixels) in place `first + m` of a table.
+    """The overlap of pixels and detectors: the part `shares[m]` (B, pixels) of a pixel in place `first + m` of a table.
 
-    A row of the table is an image's, `stride` places: `margin` for what falls beside the detectors, the `bins`, and
-    more for what falls beside. Of an image with an even number of rows these are the pixels of the upper half: the
-    pixel opposite to another through the centre falls into the bins on the other side, in the same shares.
+    The table has `stride` places for each image: `margin` for what projects outside the detectors, the `bins`, and more
+    for the outside. For an image with an even number of rows the pixels are those of the upper half: the pixel opposite
+    through the centre projects to the mirrored bins, with the same shares.
     """
 
     first: Tensor
@@ -99,17 +108,18 @@ class Shadows(NamedTuple):
 
     @property
     def halved(self) -> bool:
+        """Whether only the pixels of the upper half are stored."""
         return self.size[0] % 2 == 0
 
 
 def cast_shadows(angle: Tensor, height: int, width: int, bins: int) -> Shadows:
-    """The strips touched by each pixel of (height, width), and how much of it is in each."""
+    """Compute the strips that each pixel of (height, width) overlaps, and its share in each."""
     position, longer, shorter = _geometry(angle, height, width)
     longer, shorter = (value[:, None, None] * bins for value in (longer, shorter))
     margin = math.ceil((math.hypot(height, width) / width - 1) / 2 * bins) + 1
     rows = height // 2 if height % 2 == 0 else height
     left = torch.add(0.5 * bins - (longer + shorter) / 2, position[:, :rows], alpha=bins)
-    edge = left.ceil()  # the first border between bins inside the shadow
+    edge = left.ceil()  # the first border between bins inside the footprint
     inside, touched = edge - left, math.floor(math.sqrt(2) * bins / width) + 2
     if bins == width:
         shares = _three_shares(inside, longer, shorter)
@@ -123,10 +133,10 @@ def cast_shadows(angle: Tensor, height: int, width: int, bins: int) -> Shadows:
 
 
 def _three_shares(inside: Tensor, longer: Tensor, shorter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """The shares of a shadow in three bins of one pixel's width, its left end `inside` [0, 1) before a border.
+    """Return the shares of a footprint in three bins as wide as a pixel, its left end `inside` [0, 1) before a border.
 
-    As in `_shadow`, without what cannot be: longer² + shorter² is 1, so the first border is less than `shorter`
-    beyond the longer box, and the second, 1 later, as near to the right end.
+    As `_shadow`, without the branches that cannot occur: as longer² + shorter² is 1, the first border is less than
+    `shorter` beyond the longer box, and the second, 1 later, as close to the right end.
     """
     scale = 1 / longer
     curve = scale / (2 * shorter.clamp(min=1e-30))
@@ -140,15 +150,15 @@ def _three_shares(inside: Tensor, longer: Tensor, shorter: Tensor) -> tuple[Tens
 
 
 class _Cast(torch.autograd.Function):
-    """Images (B, C, H, W) to bins (B, C, D), or `back`, the transposed: each is the other's gradient."""
+    """Images (B, C, H, W) to bins (B, C, D), or, with `back`, its transpose: each is the gradient of the other."""
 
     @staticmethod
-    def forward(ctx: Any, values: Tensor, shadows: Shadows, back: bool) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(ctx: Any, values: Tensor, shadows: Shadows, back: bool) -> Tensor:
         ctx.shadows, ctx.back = shadows, back
         return (_cast_back if back else _cast)(values, shadows)
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
         return _Cast.apply(gradient, ctx.shadows, not ctx.back), None, None
 
 
@@ -161,7 +171,7 @@ def _cast_back(bins: Tensor, shadows: Shadows) -> Tensor:
 
 
 def _cast_channel(image: Tensor, shadows: Shadows) -> Tensor:
-    """(B, H, W) to (B, D)."""
+    """Project (B, H, W) to (B, D)."""
     if not shadows.halved:
         return _scatter(image, shadows)
     upper, lower = image.chunk(2, 1)
@@ -169,7 +179,7 @@ def _cast_channel(image: Tensor, shadows: Shadows) -> Tensor:
 
 
 def _cast_channel_back(bins: Tensor, shadows: Shadows) -> Tensor:
-    """(B, D) to (B, H, W)."""
+    """Project (B, D) back to (B, H, W)."""
     if not shadows.halved:
         return _gather(bins, shadows)
     return torch.cat([_gather(bins, shadows), _gather(bins.flip(1), shadows).flip(1, 2)], 1)
@@ -179,7 +189,7 @@ def _scatter(pixels: Tensor, shadows: Shadows) -> Tensor:
     pixels = pixels.flatten(1)
     total = pixels.new_zeros(len(pixels) * shadows.stride + len(shadows.shares))
     for m, share in enumerate(shadows.shares):
-        # Flat: scattering along the last of several dimensions is several times slower.
+        # Flattened: scattering along the last of several dimensions is several times slower.
         total[m:].scatter_add_(0, shadows.first, (pixels * share).view(-1))
     rows = total[: len(pixels) * shadows.stride].view(len(pixels), -1)
     return rows[:, shadows.margin : shadows.margin + shadows.bins]
@@ -196,7 +206,7 @@ def _gather(bins: Tensor, shadows: Shadows) -> Tensor:
 
 
 def _geometry(angle: Tensor, height: int, width: int) -> tuple[Tensor, Tensor, Tensor]:
-    """(B, H, W) places of the pixels' centres along the detectors, and (B,) the two boxes of their shadows."""
+    """Return positions (B, H, W) of pixel centres along the detectors, and the widths (B,) of the footprint's boxes."""
     c, s = cos_sin(angle)
     x = ((torch.arange(width, dtype=angle.dtype, device=angle.device) * 2 + 1 - width) / (2 * width))[None, None]
     y = ((height - 1 - torch.arange(height, dtype=angle.dtype, device=angle.device) * 2) / (2 * width))[None, :, None]
@@ -205,12 +215,12 @@ def _geometry(angle: Tensor, height: int, width: int) -> tuple[Tensor, Tensor, T
 
 
 def _shadow(t: Tensor, longer: Tensor, shorter: Tensor) -> Tensor:
-    """The share of a shadow, box(longer) * box(shorter), that lies within t of its left end."""
+    """Return the share of a footprint, box(longer) * box(shorter), that lies within t of its left end."""
     return (_ramp(t, shorter) - _ramp(t - longer, shorter)) / longer
 
 
 def _ramp(t: Tensor, width: Tensor) -> Tensor:
-    """∫ clamp(s / width, 0, 1) ds up to t; a width of 0 makes it max(t, 0)."""
+    """Compute ∫ clamp(s / width, 0, 1) ds up to t; max(t, 0) for a width of 0."""
     reached = torch.minimum(t.clamp(min=0), width)
-    # reached ≤ width: the quotient is at most width / 2, so a tiny floor loses nothing.
+    # reached ≤ width, so the quotient is at most width / 2 and the clamp has no effect on the value.
     return t.clamp(min=0) - reached + reached.square() / (2 * width.clamp(min=1e-30))

@@ -1,8 +1,8 @@
-"""Sample points as a function of where they are used: no state, no table as long as pixels × samples.
+"""Sample points as a function of (seed, pixel, sample), without a table of pixels × samples.
 
-A pixel's points are Roberts' additive recurrence s (1/g, 1/g²) mod 1, g³ = g + 1, shifted by an offset that is a hash
-of the pixel and of a seed; or, "independent", a hash of the sample too. The hash is 32 bits, two multiplications
-(constants of Wellons' search); `shading.cpp` computes the same.
+The points of a pixel are Roberts' additive recurrence s (1/g, 1/g²) mod 1, g³ = g + 1, shifted by an offset that is a
+hash of the pixel and of a seed; "independent" points are hashes of seed, pixel and sample. The hash has 32 bits and two
+multiplications (constants of Wellons' search); `shading.cpp` computes the same.
 
 References:
     Roberts 2018, The unreasonable effectiveness of quasirandom sequences. Cranley and Patterson 1976 (the shift).
@@ -19,7 +19,7 @@ GOLDEN = 0x9E3779B9
 
 
 def scramble(x: Tensor) -> Tensor:
-    """A hash of 32-bit numbers held in int64."""
+    """Hash 32-bit numbers held in int64."""
     x = x & MASK
     x = ((x ^ (x >> 16)) * 0x7FEB352D) & MASK
     x = ((x ^ (x >> 15)) * 0x846CA68B) & MASK
@@ -27,23 +27,23 @@ def scramble(x: Tensor) -> Tensor:
 
 
 def unit(x: Tensor, dtype: torch.dtype) -> Tensor:
-    """The upper 24 bits as a number in [0, 1)."""
+    """Return the upper 24 bits as a number in [0, 1)."""
     return (x >> 8).to(dtype) * 2.0**-24
 
 
 def seeds(jitter: Tensor) -> Tensor:
-    """(B,) hashes of numbers in [0, 1)."""
+    """Return hashes (B,) of numbers in [0, 1)."""
     return scramble((jitter.detach().double() * 2**24).floor().long())
 
 
 def offsets(seed: Tensor, pixels: int, dimension: int) -> Tensor:
-    """(B, pixels) hashes of a dimension of the points, of (B,) seeds."""
+    """Return hashes (B, pixels) for one dimension of the points, of seeds (B,)."""
     pixel = torch.arange(pixels, device=seed.device)
     return scramble((pixel * 4 + dimension) ^ seed[:, None])
 
 
 def points(offset: Tensor, sample: Tensor, dimension: int, dtype: torch.dtype, independent: bool = False) -> Tensor:
-    """(B, pixels, samples): coordinate `dimension` (0 or 1) of points `sample` (int64)."""
+    """Return coordinate `dimension` (0 or 1) of the points `sample` (int64): (B, pixels, samples)."""
     if independent:
         return unit(scramble(offset[..., None] + sample * GOLDEN), dtype)
     along = torch.frac(sample.double() * STEPS[dimension]).to(dtype)

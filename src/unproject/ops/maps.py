@@ -1,4 +1,4 @@
-"""Maps of a material as one tensor (B, 8, H, W), so that a generator, a projection or a collection handles one thing.
+"""Maps of a material as one tensor (B, 8, H, W).
 
 Channels: diffuse albedo k_d (3: red, green, blue), specular albedo k_s (1), roughness m (1, the RMS slope of
 Beckmann's distribution), unit normal n (3: x right, y up in the picture, z out of the surface). All values linear.
@@ -7,6 +7,7 @@ Beckmann's distribution), unit normal n (3: x right, y up in the picture, z out 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal, TypeAlias
 
 import torch
 import torch.nn.functional as F
@@ -14,35 +15,42 @@ from torch import Tensor
 
 from .._types import UserError
 
+MapName: TypeAlias = Literal["diffuse", "specular", "roughness", "normal"]
 MAPS = {"diffuse": slice(0, 3), "specular": slice(3, 4), "roughness": slice(4, 5), "normal": slice(5, 8)}
 CHANNELS = 8
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Of linear red, green and blue: ITU-R BT.709."""
+"""Weights of linear red, green and blue: ITU-R BT.709."""
 
-UNIT = 0.02  # how far from 1 the length of a normal may be: what 8 bits a component leave
+UNIT = 0.02  # tolerance of the length of a normal: the error of 8 bits a component
 
 
 def luminance(colour: Tensor) -> Tensor:
-    """(..., 1, H, W) of linear colours (..., 3, H, W)."""
+    """Return the luminance (..., 1, H, W) of linear colours (..., 3, H, W)."""
     return (colour * colour.new_tensor(LUMINANCE)[:, None, None]).sum(-3, keepdim=True)
 
 
 def slopes_of(height: Tensor) -> tuple[Tensor, Tensor]:
-    """h_x and h_y of a height (..., H, W) in texels that repeats itself, to the right and up: central differences."""
+    """Return h_x (to the right) and h_y (up) of a periodic height (..., H, W) in texels, by central differences."""
     return (height.roll(-1, -1) - height.roll(1, -1)) / 2, (height.roll(1, -2) - height.roll(-1, -2)) / 2
 
 
 def normals_of(height: Tensor) -> Tensor:
-    """(B, 3, H, W) unit normals (-h_x, -h_y, 1) of a height (B, H, W) in texels that repeats itself."""
+    """Return unit normals (-h_x, -h_y, 1) / |…|, (B, 3, H, W), of a periodic height (B, H, W) in texels."""
     h_x, h_y = slopes_of(height)
     return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
 
 
 def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:
-    """Four maps by name, (B, C, H, W) each, as one tensor (B, 8, H, W).
+    """Concatenate the four maps, (B, C, H, W) each, into one tensor (B, 8, H, W).
 
     Raises:
-        UserError: for a map that is missing, has the wrong channels, or a size unlike the others'.
+        UserError: for a map that is missing, has the wrong number of channels, or another size.
+
+    Examples:
+        >>> import torch
+        >>> maps = {name: torch.zeros(2, channels.stop - channels.start, 4, 4) for name, channels in MAPS.items()}
+        >>> pack_maps(maps).shape
+        torch.Size([2, 8, 4, 4])
     """
     missing = [name for name in MAPS if name not in maps]
     if missing:
@@ -60,14 +68,18 @@ def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:
 
 
 def unpack_maps(x: Tensor) -> dict[str, Tensor]:
-    """(B, 8, H, W) to the four maps by name."""
+    """Split (B, 8, H, W) into the four maps by name."""
     if x.dim() != 4 or x.shape[1] != CHANNELS:
         raise UserError(f"maps: give (B, {CHANNELS}, H, W), not {tuple(x.shape)}")
     return {name: x[:, place] for name, place in MAPS.items()}
 
 
 def check_maps(x: Tensor, source: str = "maps") -> Tensor:
-    """x (B, 8, H, W) as it is, if it can be a material; `source` is named in the error.
+    """Return x (B, 8, H, W) unchanged if its values are those of a material.
+
+    Args:
+        x: maps.
+        source: where they come from, for the message.
 
     Raises:
         UserError: for values that are not finite, a negative albedo, a roughness that is not positive, or a normal that
@@ -75,7 +87,7 @@ def check_maps(x: Tensor, source: str = "maps") -> Tensor:
     """
     for name, value in unpack_maps(x).items():
         if not value.isfinite().all():
-            raise UserError(f"{source}: {name} has values that are NaN or infinite; mend or leave out that material")
+            raise UserError(f"{source}: {name} has values that are NaN or infinite; fix or leave out that material")
         if name in ("diffuse", "specular") and value.min() < 0:
             raise UserError(f"{source}: {name} is negative ({value.min():.3g}); an albedo is at least 0")
         if name == "roughness" and value.min() <= 0:

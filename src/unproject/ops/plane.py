@@ -1,6 +1,7 @@
 """A pinhole camera aimed at the centre of a flat material one unit wide, in the plane z = 0.
 
-At (θ, φ) and a distance d it stands at d (sinθ cosφ, sinθ sinφ, cosθ). From φ = -90° at θ = 0 the picture's up is y.
+At (θ, φ) and a distance d the camera is at d (sinθ cosφ, sinθ sinφ, cosθ). At φ = -90° and θ = 0, y is up in the
+picture.
 """
 
 from __future__ import annotations
@@ -9,16 +10,16 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-BAND = 32  # rows of a photograph made at once
+BAND = 32  # rows of a picture computed at once
 
 
 def towards(theta: Tensor, phi: Tensor) -> Tensor:
-    """(B, 3) unit vectors of polar angle θ from z and azimuth φ from x towards y."""
+    """Return unit vectors (B, 3) of polar angle θ from z and azimuth φ from x towards y."""
     return torch.stack([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], -1)
 
 
 def texels(height: int, width: int, like: Tensor) -> Tensor:
-    """(3, H, W): the texels' centres, row 0 at the top (greatest y)."""
+    """Return the centres (3, H, W) of the texels, row 0 at the top (largest y)."""
     x = (2 * torch.arange(width, dtype=like.dtype, device=like.device) + 1 - width) / (2 * width)
     y = (height - 1 - 2 * torch.arange(height, dtype=like.dtype, device=like.device)) / (2 * width)
     return torch.stack(
@@ -27,23 +28,23 @@ def texels(height: int, width: int, like: Tensor) -> Tensor:
 
 
 def to_camera(theta: Tensor, phi: Tensor, distance: float, height: int, width: int) -> Tensor:
-    """(B, 3, H, W): from each texel to the camera, unit vectors."""
+    """Return unit vectors (B, 3, H, W) from each texel to the camera."""
     place = distance * towards(theta, phi)
     direction = place[:, :, None, None] - texels(height, width, theta)
     return direction / direction.norm(dim=1, keepdim=True)
 
 
 def photograph(picture: Tensor, theta: Tensor, phi: Tensor, distance: float, repeat: bool = False) -> Tensor:
-    """What the camera sees of the plane: (B, C, H, W) to the same, each pixel the mean of rays through it.
+    """Project images (B, C, H, W) on the plane to pictures of the same size, each pixel the mean of rays through it.
 
-    From straight above the plane fills the picture. Beside the material there is nothing, or with `repeat` the
-    material again, up to the horizon. Rays are as dense as texels are in the steepest foreshortening, up to 8 × 8.
+    At θ = 0 the material fills the picture. Outside the material the value is 0, or with `repeat` the plane is tiled up
+    to the horizon. A pixel has up to 8 × 8 rays, as the strongest foreshortening needs.
     """
     seen = []
     for one, t, p in zip(picture[:, None], theta[:, None], phi[:, None], strict=True):
         fine = int((1 / t.detach().cos().abs().clamp(min=1 / 8)).ceil())
         rays = texels(picture.shape[2] * fine, picture.shape[3] * fine, theta)[:2] / distance
-        # In bands of rows, so that a large picture does not take fine² times its memory.
+        # In bands of rows, so that a large picture does not need fine² times its memory.
         bands = [_seen(one, t, p, distance, band, repeat, fine) for band in rays.split(BAND * fine, 1)]
         seen.append(torch.cat(bands, 2))
     return torch.cat(seen) if seen else picture
@@ -52,7 +53,7 @@ def photograph(picture: Tensor, theta: Tensor, phi: Tensor, distance: float, rep
 def _seen(
     picture: Tensor, theta: Tensor, phi: Tensor, distance: float, rays: Tensor, repeat: bool, fine: int
 ) -> Tensor:
-    """(1, C, h, w): the part of the picture that these rays (2, h · fine, w · fine), tangents from the axis, see."""
+    """Return the part (1, C, h, w) of the picture of rays (2, h · fine, w · fine), given by tangents from the axis."""
     height, width = picture.shape[2:]
     right = torch.stack([-phi.sin(), phi.cos(), torch.zeros_like(phi)], -1)[:, None, None]
     back = towards(theta, phi)[:, None, None]

@@ -1,6 +1,6 @@
 """Trilinear sampling of volumes, the rays along which a camera samples them, and shares of intervals.
 
-Rays come in picture order: (B, row, column, sample, 3), row 0 the top, samples from the nearest to the farthest.
+Rays are in picture order: (B, row, column, sample, 3), row 0 the top, samples from the nearest to the farthest.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ HALF_DEPTH = 1.5
 
 
 def centres(count: int, like: Tensor) -> Tensor:
-    """(count,) centres of equal cells of [-1, 1], with the dtype and device of `like`."""
+    """Return the centres (count,) of equal cells of [-1, 1], with the dtype and device of `like`."""
     return (torch.arange(count, dtype=like.dtype, device=like.device) * 2 + 1 - count) / count
 
 
@@ -31,7 +31,7 @@ def interval_shares(source: Tensor, target: Tensor) -> Tensor:
 
 
 def depth_range(resolution: int, samples: int | None = None) -> tuple[int, float]:
-    """(number of samples, half depth): by default one sample a voxel, at voxel centres when looking along an axis."""
+    """Return the number of samples and half the depth (default: one sample a voxel, at voxel centres along an axis)."""
     if samples is not None:
         return samples, HALF_DEPTH
     count = resolution + 2 * math.ceil((HALF_DEPTH - 1) * resolution / 2)
@@ -39,7 +39,7 @@ def depth_range(resolution: int, samples: int | None = None) -> tuple[int, float
 
 
 def sample_volume(x: Tensor, points: Tensor) -> Tensor:
-    """x at `points` by trilinear interpolation between voxel centres; zero outside.
+    """Interpolate x trilinearly between voxel centres at `points`; zero outside.
 
     Args:
         x: (B, X, Y, Z).
@@ -47,6 +47,12 @@ def sample_volume(x: Tensor, points: Tensor) -> Tensor:
 
     Returns:
         (B, ...).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> volume = torch.ones(1, 4, 4, 4)
+        >>> up.ops.sample_volume(volume, torch.tensor([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]]))
+        tensor([[1., 0.]])
     """
     grid = points.flip(-1).reshape(len(points), -1, 1, 1, 3)
     values = F.grid_sample(x.unsqueeze(1), grid.to(x), align_corners=False)
@@ -54,16 +60,22 @@ def sample_volume(x: Tensor, points: Tensor) -> Tensor:
 
 
 def orthographic_rays(frame: Tensor, size: int, viewport: float, samples: int, half_depth: float) -> Tensor:
-    """Parallel rays p = v (i r + j u) + w d through the pixel centres (i, j) of [-1, 1]².
+    """Return parallel rays p = v (i r + j u) + w d through the pixel centres (i, j) of [-1, 1]².
 
     Args:
         frame: (B, 3, 3) with rows r, u, d (`rotation.camera_frame`).
         size: pixels a side.
-        viewport: v, half the width that is seen.
+        viewport: v, half the visible width.
         samples: samples a ray, w at the centres of equal cells of [-half_depth, half_depth], nearest first.
 
     Returns:
         (B, size, size, samples, 3).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> rays = up.ops.orthographic_rays(up.ops.camera_frame(torch.zeros(2)), 8, 1.0, samples=12, half_depth=1.5)
+        >>> rays.shape
+        torch.Size([2, 8, 8, 12, 3])
     """
     across, up, towards = _camera_coordinates(frame, size, viewport, samples, half_depth)
     points = torch.stack(torch.broadcast_tensors(across, up, towards), -1)
@@ -73,10 +85,16 @@ def orthographic_rays(frame: Tensor, size: int, viewport: float, samples: int, h
 def perspective_rays(
     frame: Tensor, size: int, viewport: float, samples: int, half_depth: float, distance: float
 ) -> Tensor:
-    """Rays of a pinhole at `distance` from the centre that sees ±viewport in the plane through the centre.
+    """Return rays of a pinhole at `distance` from the centre, with ±viewport visible in the plane through the centre.
 
     p = v (1 - w / distance) (i r + j u) + w d: orthographic rays that converge. The field of view is
     2 atan(viewport / distance). Arguments and result are those of `orthographic_rays`.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> frame = up.ops.camera_frame(torch.zeros(2))
+        >>> up.ops.perspective_rays(frame, 8, 1.0, samples=12, half_depth=1.5, distance=4.0).shape
+        torch.Size([2, 8, 8, 12, 3])
     """
     across, up, towards = _camera_coordinates(frame, size, viewport, samples, half_depth)
     narrowing = 1 - towards / distance
@@ -85,7 +103,7 @@ def perspective_rays(
 
 
 def perspective_slant(like: Tensor, size: int, viewport: float, distance: float) -> Tensor:
-    """(size, size): how much longer than its depth the way along each pinhole ray is."""
+    """Return the ratio (size, size) of length along each pinhole ray to depth."""
     slope = (viewport / distance * centres(size, like)).square()
     return (1 + slope[:, None] + slope).sqrt()
 

@@ -1,10 +1,10 @@
 """Rotation of volumes into the frame of a camera, and of images.
 
-A camera at azimuth a and elevation e stands in direction d and sees the right r and up u of the object as
+A camera at azimuth a and elevation e is in direction d of the object; right and up in its picture are r and u:
 
     r = (cos a, 0, -sin a)      d = (sin a cos e, sin e, cos a cos e)      u = d x r
 
-so that the turned volume is out[i, j, k] = x(i r + j u + k d), zero outside [-1, 1]³.
+The rotated volume is out[i, j, k] = x(i r + j u + k d), zero outside [-1, 1]³.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .resampling import centres, sample_volume
 
 
 def cos_sin(angle: Tensor) -> tuple[Tensor, Tensor]:
-    """cos and sin of `angle`, a rounding error made exactly 0 so that quarter turns are exact permutations."""
+    """Return cos and sin of `angle`, rounding errors set to exactly 0, so that quarter turns are exact permutations."""
     return _snapped(angle.cos()), _snapped(angle.sin())
 
 
@@ -27,14 +27,20 @@ def _snapped(value: Tensor) -> Tensor:
 
 
 def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
-    """The rows r (right), u (up), d (towards the camera), in the object's frame.
+    """Return the rows r (right), u (up), d (towards the camera) in the object's frame.
 
     Args:
         azimuth: (B,) radians.
-        elevation: (B,) radians; 0 if absent.
+        elevation: (B,) radians (default: 0).
 
     Returns:
         (B, 3, 3), orthonormal and right-handed.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> frame = up.ops.camera_frame(torch.tensor([0.3]), torch.tensor([0.2]))[0]
+        >>> torch.allclose(frame @ frame.T, torch.eye(3), atol=1e-6)
+        True
     """
     ca, sa = cos_sin(azimuth)
     ce, se = cos_sin(torch.zeros_like(azimuth) if elevation is None else elevation)
@@ -43,15 +49,22 @@ def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
 
 
 def rotate(x: Tensor, azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
-    """The volume in the camera's frame, by trilinear interpolation; zero outside. Differentiable in every argument.
+    """Rotate volumes into the camera's frame by trilinear interpolation; zero outside.
+
+    Differentiable in every argument.
 
     Args:
         x: (B, X, Y, Z).
         azimuth: (B,) radians.
-        elevation: (B,) radians; 0 if absent.
+        elevation: (B,) radians (default: 0).
 
     Returns:
         (B, X, Y, Z): first index to the picture's right, second up, third towards the camera.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.ops.rotate(torch.rand(2, 8, 8, 8), torch.tensor([0.1, 0.2]), torch.tensor([0.0, 0.5])).shape
+        torch.Size([2, 8, 8, 8])
     """
     if elevation is None:
         return rotate_y(x, azimuth)
@@ -61,7 +74,16 @@ def rotate(x: Tensor, azimuth: Tensor, elevation: Tensor | None = None) -> Tenso
 
 
 def rotate_y(x: Tensor, azimuth: Tensor) -> Tensor:
-    """`rotate` at elevation 0: every horizontal slice is turned alike, so this is 2-D with the height as channels."""
+    """Rotate volumes (B, X, Y, Z) about y into the frame of a camera at `azimuth` (B,) and elevation 0.
+
+    Every horizontal slice is rotated alike, so this is a 2-D rotation with the heights as channels.
+
+    Examples:
+        >>> import math, torch, unproject as up
+        >>> x = torch.rand(1, 4, 4, 4)
+        >>> torch.allclose(up.ops.rotate_y(x, torch.tensor([math.pi / 2])), up.ops.quarter_turn(x, 1), atol=1e-6)
+        True
+    """
     c, s = (value[:, None, None] for value in cos_sin(azimuth.to(x)))
     u, w = centres(x.shape[1], x)[:, None], centres(x.shape[3], x)
     grid = torch.stack((w * c - u * s, u * c + w * s), -1)
@@ -70,17 +92,23 @@ def rotate_y(x: Tensor, azimuth: Tensor) -> Tensor:
 
 
 def quarter_turn(x: Tensor, k: int) -> Tensor:
-    """`rotate_y` at azimuth k 90°, as the index permutation that it is."""
+    """Return `rotate_y` at azimuth k 90°, as an index permutation."""
     return torch.rot90(x, k, (1, 3))
 
 
 def reflect_x(x: Tensor) -> Tensor:
-    """The mirror image: left and right exchanged."""
+    """Return the mirror image: x replaced by -x."""
     return x.flip(1)
 
 
 def rotate_image(x: Tensor, angle: Tensor) -> Tensor:
-    """Images (B, C, H, W) of square pixels turned counter-clockwise by `angle` (B,), bilinear; zero outside."""
+    """Rotate images (B, C, H, W) counter-clockwise by `angle` (B,), radians, by bilinear interpolation; zero outside.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.ops.rotate_image(torch.rand(2, 1, 8, 8), torch.tensor([0.0, 0.5])).shape
+        torch.Size([2, 1, 8, 8])
+    """
     height, width = x.shape[2:]
     c, s = (value[:, None, None] for value in cos_sin(angle.to(x)))
     right, down = centres(width, x) * width, centres(height, x)[:, None] * height

@@ -1,8 +1,8 @@
 // Radiance of maps under ambient or natural light, and the gradient of its sum with given weights.
 //
-// shading.py has the formulas and the plain reference; names and the order of things are its. Eight pixels are worked
-// on at a time and their samples are never stored. The gradient computes the samples once more, as Duals with slopes
-// along the roughness and along two tangents of the normal; the albedos enter linearly.
+// shading.py has the formulas and the plain reference, with the same names and order. Eight pixels are computed at a
+// time and samples are not stored. The gradient computes the samples again, as Duals with derivatives by the roughness
+// and along two tangents of the normal; the albedos enter linearly.
 
 #include <algorithm>
 
@@ -70,7 +70,7 @@ struct Normal<V> {
 };
 
 template <>
-struct Normal<Dual> {  // slope 0: roughness; 1 and 2: the normal towards its tangents
+struct Normal<Dual> {  // derivative 0: by the roughness; 1 and 2: along the tangents of the normal
     static void make(const V n[3], V m, Pixel<Dual>& p) {
         V frame[3][3];
         tangents(n[0], n[1], n[2], frame);
@@ -99,7 +99,7 @@ Pixel<T> make_pixel(const Job& job, int64_t batch, const int64_t* index) {
     T toward[3];
     for (int c = 0; c < 3; ++c) toward[c] = from<T>(load(camera + c * job.pixels, index));
     for (int c = 0; c < 3; ++c) p.o[c] = dot(p.frame[c], toward);
-    // 0, or what is not a number: clamps hide it, and a training that has broken down must show.
+    // 0, or NaN: clamps would hide NaN, and diverged training must be noticed.
     p.spoilt = 0.f * (m + n[0] + n[1] + n[2] + value(p.o[2]));
     p.inverse_m2 = over(p.m * p.m);
     p.seen = smith_over_cos(p.o[2], p.m);
@@ -118,7 +118,7 @@ Pixel<T> make_pixel(const Job& job, int64_t batch, const int64_t* index) {
     return p;
 }
 
-// Radiance and density in a direction of the material's frame; with slopes where the direction has them.
+// Radiance and density in a direction in the material's frame; with derivatives if the direction has them.
 struct Seen {
     alignas(32) float all[4 * LANES], by_column[4 * LANES], by_row[4 * LANES];
 
@@ -130,7 +130,7 @@ struct Seen {
         left = left - width * whole(left / width);
         const float* table = job.table + which * job.rows * job.columns * 4;
         for (int k = 0; k < LANES; ++k) {
-            const float at = left[k];  // a direction that is not a number is looked up somewhere, not anywhere
+            const float at = left[k];  // a NaN direction must not read out of bounds
             int64_t i = at > 0 ? std::min(int64_t(at), job.columns - 1) : 0, right = i + 1 == job.columns ? 0 : i + 1;
             const float* line = table + int64_t(upper[k]) * job.columns * 4;
             const float *a = line + i * 4, *b = line + right * 4, *c = a + job.columns * 4, *d = b + job.columns * 4;
@@ -168,7 +168,7 @@ void look_up(const Job& job, int64_t which, float turn, const T* direction, T li
     light[3] = light[3] * over(larger(sine, LEAST_SINE));
 }
 
-// What two directions make of the microfacets: D, its density of reflected directions, (1 - ωo·h)⁵.
+// Microfacet terms of two directions: D, its density of reflected directions, (1 - ωo·h)⁵.
 template <class T>
 struct Facets {
     T d, density, fresnel;
@@ -257,7 +257,7 @@ inline void add(const Job& job, const Pixel<Dual>& p, const Dual i[3], const Fac
     sums.by_k_s += (coloured.v * falling + all.v * by_k_s) * w.v;
 }
 
-// One sample of S-valued pixels `source`, weighed as part of the T-valued `p`: the same unless samples are held fixed.
+// One sample of S-valued pixels `source`, weighted as part of the T-valued `p`: equal unless samples are fixed.
 template <class S, class T>
 void weigh(const Job& job, const Pixel<S>& source, const Pixel<T>& p, const S i[3], const S world[3], const S light[4], Sums& sums) {
     Facets<S> facets(source, i);

@@ -1,53 +1,60 @@
-"""What a camera sees of a flat material under distant light: the paper's eq. 3, by Monte Carlo, and its slopes.
+"""Shading of a flat material under distant light by Monte Carlo (the paper's eq. 3), and its gradients.
 
     I(x, ωo) = ∫ f(x, ωi, ωo) max(cosθi, 0) L(ωi) dωi  ≈  Σ_j f(ωj) cosθj L(ωj) / Σ_k n_k p_k(ωj)
 
-Of a pixel's samples n_d are drawn from its diffuse lobe and n_s from its specular one, in proportion to their albedos,
-and n_l from the light; every sample is weighed with all three densities (Veach's balance heuristic), so that neither a
-small sun nor a sharp highlight is noisy. The counts are whole numbers, so the estimate is a smooth function of the maps
-for given sample points: its gradient is exact, and unbiased for that of the integral.
+Of a pixel's samples n_d are drawn from its diffuse and n_s from its specular lobe, in proportion to their albedos, and
+n_l from the light. Every sample is weighted with all three densities (Veach's balance heuristic), so that neither a
+small light source nor a sharp highlight is noisy. The counts are integers, so the estimate is a smooth function of the
+maps for given sample points: its gradient is exact, and unbiased for that of the integral.
 
-This is the plain reference, a few samples at a time: memory grows with the pixels. `shading_native` is the fast one.
+This is the plain reference, in chunks of samples, so that memory grows with the pixels only. `shading_native` is the
+fast implementation.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 from torch.utils.checkpoint import checkpoint
 
 from .._types import UserError
+from .differences import LEAST, CentralDifferences
 from .environment import Environments, look_up, sample_environments
 from .low_discrepancy import offsets, points, scramble, seeds, unit
 from .maps import unpack_maps
-from .microfacet import TINY, Reflection, cosine_density, lobe_density, reflect, sample_beckmann, sample_cosine
+from .microfacet import (
+    LEAST_ROUGHNESS,
+    TINY,
+    Reflection,
+    cosine_density,
+    lobe_density,
+    reflect,
+    sample_beckmann,
+    sample_cosine,
+)
 
-POOL, STRATUM = 2**12, 64  # light samples made ready, and the most for each one that a pixel takes
-CHUNK = 2**18  # samples worked on at a time
+POOL, STRATUM = 2**12, 64  # prepared light samples, and at most so many for each one that a pixel takes
+CHUNK = 2**18  # samples computed at a time
 MOST = 2**20
-LEAST = 1e-12
-LEAST_ROUGHNESS = 1e-3
-DELTA = 1e-3  # the paper's steps, of roughness and of the normal's angles
 
 
 class Ambient(NamedTuple):
-    """Radiance 1 from everywhere."""
+    """Radiance 1 from all directions."""
 
 
 class Directional(NamedTuple):
-    """Light along (B, 3) unit vectors towards it, irradiance π on a plane that faces it."""
+    """Light from directions (B, 3), unit vectors towards the light; irradiance π on a plane that faces it."""
 
     direction: Tensor
 
 
 class Environment(NamedTuple):
-    """One of several environments for each batch element: `which` (B,) int64, turned by `turn` (B,) about z."""
+    """One of several environments for each batch element: `which` (B,) int64, rotated by `turn` (B,) about z."""
 
     environments: Environments
     which: Tensor
@@ -59,17 +66,22 @@ Light = Ambient | Directional | Environment
 
 @dataclass(frozen=True)
 class Sampling:
-    """How the integral is estimated.
+    """Settings of the estimator.
 
     Attributes:
-        samples: a pixel; directional light needs none.
-        light: the share of them drawn from an environment's light; 0 is the paper's scheme.
+        samples: number of samples a pixel; directional light needs none.
+        light: the share of samples drawn from an environment's light; 0 is the paper's scheme.
         points: "low-discrepancy", or "independent".
-        gradient: "exact": the slope of the estimate, whose samples move with the maps; less noise below a roughness of
-            about 0.1. "fixed": with the samples held where they are; as unbiased, less noise on rough materials.
-            "differences", the paper's: analytic for the albedos, central differences of 0.001 for the roughness and for
-            the normal's spherical angles, the same samples on both sides. Where a normal is exactly z the azimuth has
-            no slope and that part is 0.
+        gradient: "exact": the gradient of the estimate, whose samples move with the maps; less noise below a roughness
+            of about 0.1. "fixed": the samples do not move; unbiased too, less noise on rough materials. "differences",
+            the paper's: see `ops.differences`; where a normal is exactly z, the part of the azimuth is 0.
+
+    Raises:
+        UserError: for a number of samples or a share out of range, or an unknown setting.
+
+    Examples:
+        >>> Sampling(samples=64, gradient="fixed").points
+        'low-discrepancy'
     """
 
     samples: int = 32
@@ -89,7 +101,7 @@ class Sampling:
 
 
 class Plan(NamedTuple):
-    """What the samples of a batch are a function of, besides the maps."""
+    """What the samples of a batch depend on besides the maps."""
 
     lobes: int
     lights: int
@@ -100,29 +112,34 @@ class Plan(NamedTuple):
 
     @property
     def stratum(self) -> int:
-        """How many entries of the pool lie ready for each light sample; a pixel takes one of them."""
+        """Number of entries of the pool for each light sample, of which a pixel takes one."""
         return self.pool.shape[1] // max(1, self.lights)
 
 
 def shade(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
 ) -> Tensor:
-    """Radiance (B, 3, H, W) of maps (B, 8, H, W), each texel seen from `to_camera` (B, 3, H, W), unit vectors.
+    """Compute the radiance (B, 3, H, W) of maps.
 
     Args:
-        jitter: (B,) in [0, 1): which sample points; the same number gives the same picture.
+        maps: (B, 8, H, W).
+        to_camera: (B, 3, H, W), unit vectors from each texel to the camera.
+        light: ambient, directional or environments.
+        reflection: the reflection model.
+        sampling: settings of the estimator.
+        jitter: (B,) in [0, 1), the seed of the sample points: equal numbers give equal results.
     """
     if isinstance(light, Directional):
         return _directional(maps, to_camera, light, reflection)
     plan = plan_samples(light, sampling, jitter, maps)
     fixed = maps if sampling.gradient == "exact" else maps.detach()
     if sampling.gradient == "differences":
-        return _Differences.apply(maps, lambda x: _estimate(x, fixed, to_camera, light, reflection, plan))
+        return CentralDifferences.apply(maps, lambda x: _estimate(x, fixed, to_camera, light, reflection, plan))
     return _estimate(maps, fixed, to_camera, light, reflection, plan)
 
 
 def plan_samples(light: Light, sampling: Sampling, jitter: Tensor, like: Tensor) -> Plan:
-    """How many samples go to the lobes and to the light, and the light's, made ready for all pixels."""
+    """Divide the samples between lobes and light, and draw those of the light for all pixels."""
     seed = seeds(jitter)
     lights = round(sampling.samples * sampling.light) if isinstance(light, Environment) else 0
     pool, pool_light = like.new_zeros(len(like), 1, 3), like.new_zeros(len(like), 1, 4)
@@ -138,16 +155,16 @@ def plan_samples(light: Light, sampling: Sampling, jitter: Tensor, like: Tensor)
 
 
 def diffuse_counts(maps: Tensor, lobes: int) -> Tensor:
-    """(B, H W): how many lobe samples are diffuse, in proportion to the albedos; each lobe that reflects gets one."""
+    """Return the number (B, H W) of diffuse lobe samples, in proportion to the albedos; each lobe has one or more."""
     named = unpack_maps(maps.detach().flatten(3) if maps.dim() == 4 else maps)
     k_d, k_s = named["diffuse"].mean(1), named["specular"][:, 0]
     count = (lobes * k_d / (k_d + k_s).clamp(min=LEAST)).round()
-    # With η fixed k_s says nothing of what grazing angles reflect, nor does k_d = 0: both lobes keep a sample.
+    # The albedos do not bound the reflection at grazing angles, so both lobes keep a sample.
     return count.clamp(min(1, lobes - 1), max(1, lobes - 1)).flatten(1)
 
 
 class Pixels(NamedTuple):
-    """Maps as the integral reads them: (B, P, 1) and (B, P, 1, 3), the camera in the frame of the normal."""
+    """Maps by pixel, (B, P, 1) and (B, P, 1, 3), with the direction to the camera in the frame of the normal."""
 
     k_d: Tensor
     k_s: Tensor
@@ -156,14 +173,16 @@ class Pixels(NamedTuple):
     camera: Tensor
 
     def world(self, v: Tensor) -> Tensor:
-        """(..., 3) in the normal's frame to the material's."""
+        """Transform (..., 3) from the normal's frame to the material's."""
         return (v[..., None, :] @ self.frame)[..., 0, :]
 
     def local(self, v: Tensor) -> Tensor:
+        """Transform (..., 3) from the material's frame to the normal's."""
         return (self.frame @ v[..., None])[..., 0]
 
 
 def pixels_of(maps: Tensor, to_camera: Tensor) -> Pixels:
+    """Rearrange maps (B, 8, H, W) and directions to the camera (B, 3, H, W) by pixel."""
     named = {name: value.flatten(2).transpose(1, 2)[:, :, None] for name, value in unpack_maps(maps).items()}
     frame = frame_of(named["normal"])
     camera = to_camera.flatten(2).transpose(1, 2)[:, :, None]
@@ -178,7 +197,7 @@ def pixels_of(maps: Tensor, to_camera: Tensor) -> Pixels:
 
 
 def frame_of(normal: Tensor) -> Tensor:
-    """(..., 3, 3): two tangents and the normal, as rows; the normal is brought to unit length. z > -1."""
+    """Return two tangents and the normal as rows, (..., 3, 3); the normal is normalised and needs z > -1."""
     x, y, z = (normal / normal.square().sum(-1, keepdim=True).clamp(min=LEAST).sqrt()).unbind(-1)
     a = -1 / (1 + z)
     rows = (1 + x * x * a, x * y * a, -x), (x * y * a, 1 + y * y * a, -y), (x, y, z)
@@ -186,7 +205,7 @@ def frame_of(normal: Tensor) -> Tensor:
 
 
 def reflected(pixels: Pixels, i: Tensor, reflection: Reflection) -> Tensor:
-    """f cosθi (B, P, S, 3) for directions i in the normal's frame."""
+    """Return f cosθi (B, P, S, 3) for directions i in the normal's frame."""
     base = reflection.base(pixels.k_d, pixels.k_s, pixels.camera[..., 2])
     lobe = reflection.lobe(pixels.k_s, pixels.m, i, pixels.camera.expand_as(i))
     return base * cosine_density(i)[..., None] + lobe[..., None]
@@ -201,11 +220,11 @@ def _directional(maps: Tensor, to_camera: Tensor, light: Directional, reflection
 def _estimate(
     maps: Tensor, drawn_from: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, plan: Plan
 ) -> Tensor:
-    """The sum over chunks of samples; a chunk is computed again for its gradient rather than kept."""
+    """Sum over chunks of samples; for the gradient a chunk is computed again rather than stored."""
 
     def part(maps: Tensor, drawn_from: Tensor, chunk: Tensor, of_light: bool) -> Tensor:
         source = pixels_of(drawn_from, to_camera)
-        # A facet turned away from the camera mirrors nothing into it: all samples are the diffuse lobe's.
+        # A facet that faces away from the camera has no specular reflection: all samples are diffuse.
         diffuse = torch.where(source.camera[:, :, 0, 2] > TINY, counts, plan.lobes)
         draw = _light_samples if of_light else _lobe_samples
         direction, radiance, weight = draw(source, light, diffuse, plan, chunk)
@@ -263,46 +282,3 @@ def _weight(pixels: Pixels, i: Tensor, light_density: Tensor, diffuse: Tensor, p
     lobe = lobe_density(i, pixels.camera.expand_as(i), pixels.m)
     density = n_d * cosine_density(i) + (plan.lobes - n_d) * lobe + plan.lights * light_density
     return 1 / density.clamp(min=LEAST)
-
-
-class _Differences(torch.autograd.Function):
-    """An estimate with its samples held fixed, differentiated as the paper's section 2.4 does."""
-
-    @staticmethod
-    def forward(ctx: Any, maps: Tensor, estimate: Callable[[Tensor], Tensor]) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        ctx.save_for_backward(maps)
-        ctx.estimate = estimate
-        return estimate(maps)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        (maps,) = ctx.saved_tensors
-        estimate = ctx.estimate
-        with torch.enable_grad():
-            x = maps.detach().requires_grad_()
-            (slope,) = torch.autograd.grad(estimate(x), x, gradient)
-        result = torch.zeros_like(maps)
-        result[:, :4] = slope[:, :4]
-
-        def along(up: Tensor, down: Tensor) -> Tensor:
-            return ((estimate(up) - estimate(down)) * gradient).sum(1, keepdim=True)
-
-        above, below = maps.clone(), maps.clone()
-        above[:, 4:5] = above[:, 4:5].clamp(min=LEAST_ROUGHNESS) + DELTA
-        below[:, 4:5] = (below[:, 4:5] - DELTA).clamp(min=LEAST_ROUGHNESS)
-        slope = along(above, below) / (above[:, 4:5] - below[:, 4:5])
-        result[:, 4:5] = torch.where(maps[:, 4:5] >= LEAST_ROUGHNESS, slope, 0)
-        normal = maps[:, 5:] / maps[:, 5:].norm(dim=1, keepdim=True)
-        theta, phi = normal[:, 2:].clamp(-1, 1).acos(), torch.atan2(normal[:, 1:2], normal[:, :1])
-        for d_theta, d_phi in ((DELTA, 0.0), (0.0, DELTA)):
-            above[:, :5] = below[:, :5] = maps[:, :5]
-            above[:, 5:], below[:, 5:] = (_spherical(theta + k * d_theta, phi + k * d_phi) for k in (1, -1))
-            step = above[:, 5:] - below[:, 5:]
-            # A difference along a step, put back onto the step's direction: 0 / 0 at the pole is 0.
-            result[:, 5:] += along(above, below) * step / step.square().sum(1, keepdim=True).clamp(min=LEAST)
-        return result, None
-
-
-def _spherical(theta: Tensor, phi: Tensor) -> Tensor:
-    return torch.cat([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], 1)

@@ -1,6 +1,6 @@
-"""`shading.shade` on a processor by `shading.cpp`: the same estimate in float32, an order of magnitude sooner.
+"""`shading.shade` on a CPU by `shading.cpp`: the same estimate in float32, ten times faster.
 
-Nothing is stored of the samples: the gradient computes them again. Pixels are shared out between threads.
+Samples are not stored; the gradient computes them again. Pixels are divided between threads.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Job(ctypes.Structure):
 def shade_fast(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
 ) -> Tensor:
-    """`shading.shade`, by the kernel where it does what is asked for."""
+    """Compute `shading.shade`, by the kernel where it supports the arguments."""
     if (
         isinstance(light, Directional)
         or sampling.gradient == "differences"
@@ -52,7 +52,7 @@ def shade_fast(
 
 
 def can_shade(maps: Tensor, camera: Tensor, light: Light, reflection: Reflection) -> bool:
-    """Whether the kernel is there and does this: float32 on a processor, Smith's shadowing, slopes of maps alone."""
+    """Return whether the kernel supports this: float32 on a CPU, Smith's shadowing, gradients by the maps only."""
     still = not camera.requires_grad
     if isinstance(light, Environment):
         still = still and not (light.turn.requires_grad or light.environments.table.requires_grad)
@@ -63,20 +63,20 @@ def can_shade(maps: Tensor, camera: Tensor, light: Light, reflection: Reflection
 def shade_native(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, plan: Plan, fixed: bool
 ) -> Tensor:
-    """Radiance (B, 3, H, W); with `fixed` the gradient holds the samples where they are."""
+    """Compute radiance (B, 3, H, W) by the kernel; `fixed`: the gradient does not move the samples."""
     return _Shade.apply(maps, to_camera, light, reflection, plan, fixed)
 
 
 class _Shade(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, maps: Tensor, camera: Tensor, *rest: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(ctx: Any, maps: Tensor, camera: Tensor, *rest: Any) -> Tensor:
         ctx.save_for_backward(maps, camera)
         ctx.rest = rest
         return _run(maps, camera, *rest)
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, gradient: Tensor) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def backward(ctx: Any, gradient: Tensor) -> Any:
         return _run(*ctx.saved_tensors, *ctx.rest, gradient=gradient), None, None, None, None, None
 
 
@@ -91,10 +91,7 @@ def _run(
 ) -> Tensor:
     batch, _, height, width = maps.shape
     natural = isinstance(light, Environment)
-    assert camera.shape == (batch, 3, height, width) and len(plan.seed) == len(plan.pool) == batch
-    if natural:  # the kernel does not look where it reads
-        assert light.turn.shape == light.which.shape == (batch,)
-        assert bool(((light.which >= 0) & (light.which < len(light.environments.table))).all())
+    _check_bounds(maps, camera, light, plan)
     nothing = maps.new_zeros(1)
     sample = torch.arange(plan.lobes, dtype=torch.float64)
     out = maps.new_empty(batch, 3 if gradient is None else 8, height, width)
@@ -124,6 +121,14 @@ def _run(
     return out
 
 
+def _check_bounds(maps: Tensor, camera: Tensor, light: Light, plan: Plan) -> None:
+    """Check shapes and indices, which the kernel does not."""
+    assert camera.shape == (len(maps), 3, *maps.shape[2:]) and len(plan.seed) == len(plan.pool) == len(maps)
+    if isinstance(light, Environment):
+        assert light.turn.shape == light.which.shape == (len(maps),)
+        assert bool(((light.which >= 0) & (light.which < len(light.environments.table))).all())
+
+
 def _share_out(job: Job, blocks: int) -> None:
     shade = kernel("shading", "shade")
     assert shade is not None
@@ -141,4 +146,4 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child has none of its parent's threads
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child process has no threads of its parent

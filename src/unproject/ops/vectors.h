@@ -1,4 +1,4 @@
-// Eight floats at a time, alone or with their slopes, and the few functions that shading needs of them.
+// Vectors of eight floats, alone or with derivatives, and the functions that shading needs.
 //
 // A Dual carries derivatives along three directions (forward-mode differentiation). Polynomials are Cephes' (Moshier),
 // good to about 2e-7; arguments are assumed finite.
@@ -94,7 +94,7 @@ struct Dual {
 inline V value(V x) { return x; }
 inline V value(const Dual& x) { return x.v; }
 
-// f(x) of value y and slope dy/dx.
+// f(x) of value y and derivative dy/dx.
 inline Dual chain(const Dual& x, V y, V slope) { return {y, {slope * x.d[0], slope * x.d[1], slope * x.d[2]}}; }
 inline Dual constant(V x) { return {x, {set(0), set(0), set(0)}}; }
 

@@ -5,8 +5,8 @@ from .line_integral import LineIntegral, directions
 from .observation import Observation
 from .priors import Bins, Cap, Empirical, Mixture, Prior, Product, Uniform
 from .rendering import Rendering, rendering_prior
-from .selection import Selection, selections
-from .silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins, continuous_views
+from .selection import Selection
+from .silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from .standardised import Standardised, standardised
 
 __all__ = [
@@ -27,9 +27,7 @@ __all__ = [
     "Uniform",
     "azimuth_bins",
     "azimuth_elevation_bins",
-    "continuous_views",
     "directions",
     "rendering_prior",
-    "selections",
     "standardised",
 ]

@@ -3,45 +3,74 @@
 from __future__ import annotations
 
 import inspect
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from torch import Tensor
 
+from .._types import UserError
 
-class Projection(ABC):
+
+def _missing_forward(self: Projection, x: Tensor, **latents: Tensor) -> Tensor:
+    raise UserError(
+        f"{type(self).__name__} defines no forward: add `def forward(self, x, *, latent, ...)`, which returns P(x, θ)"
+    )
+
+
+class Projection:
     """A forward operator: maps what cannot be measured (x) to what can (y).
 
-    A subclass defines `forward(self, x, *, latent, ...)`: x is a batch, every latent a (B,) tensor passed
-    by keyword, the result a batch of the same length. It keeps no state, treats each batch element alone
-    and is differentiable in x; `unproject.testing.check_projection` tests that.
+    A subclass defines `forward(self, x, *, latent, ...)`: x is a batch, each latent a (B,) tensor passed by keyword,
+    the result a batch of the same length. It keeps no state, treats each batch element alone and is differentiable in
+    x; `unproject.testing.check_projection` tests these laws.
 
     Class attributes:
         linear: true if P is linear in x; the superposition and adjoint laws are then tested too.
         example_shape: the shape of one x, used by the laws when no example is given.
+
+    Raises:
+        UserError: on use, if the subclass defines no `forward`.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class Depth(up.Projection):
+        ...     def forward(self, x, *, azimuth):
+        ...         return up.ops.expected_depth(up.ops.rotate_y(x, azimuth))
+        >>> Depth().latents
+        ('azimuth',)
+        >>> Depth()(torch.rand(2, 8, 8, 8), azimuth=torch.zeros(2)).shape
+        torch.Size([2, 1, 8, 8])
     """
 
     linear: ClassVar[bool] = False
     example_shape: ClassVar[tuple[int, ...]] = (8, 8, 8)
+    # Declared as torch.nn.Module does, so that a subclass may name its latents without an incompatible override.
+    forward: Callable[..., Tensor] = _missing_forward
 
-    @abstractmethod
-    def forward(self, x: Tensor, **latents: Tensor) -> Tensor:
+    def __call__(self, x: Any, **latents: Any) -> Tensor:
         """Return y = P(x, θ)."""
-
-    def __call__(self, x: Tensor, **latents: Any) -> Tensor:
         return self.forward(x, **latents)
 
     @property
     def latents(self) -> tuple[str, ...]:
         """Names of the latent parameters: the keyword-only parameters of `forward`."""
+        if type(self).forward is _missing_forward:
+            self.forward(None)
         parameters = inspect.signature(type(self).forward).parameters.values()
         return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
 
 
 class Identity(Projection):
-    """y = x: direct supervision (3D-GAN, the paper's "high-dimensional" GAN)."""
+    """y = x: direct supervision (3D-GAN; the "high-dimensional" GAN of Li et al. 2019).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.rand(2, 8, 8, 8)
+        >>> up.Identity()(x) is x
+        True
+    """
 
     linear = True
 
-    def forward(self, x: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(self, x: Tensor) -> Tensor:
         return x

@@ -1,4 +1,4 @@
-"""Line integrals of images, as a tomograph measures them, and the directions that the experiments use."""
+"""Line integrals of images, as in tomography, and the sets of directions used in the experiments."""
 
 from __future__ import annotations
 
@@ -20,16 +20,25 @@ from .priors import Uniform
 class LineIntegral(Projection):
     """y = ∫ x along lines across a row of detectors at `angle`: (B, C, H, W) → (B, C, bins), in image widths.
 
-    The detectors lie along (cos angle, sin angle), x to the right and y up, centred on the image and together as wide
-    as it: at 0 they see its columns, left to right, at 90° its rows, bottom to top. A row of ones measures 1. What
-    falls beside the detectors is not seen. At angle + 180° the same is read in the other direction.
+    The detectors lie along (cos angle, sin angle), x to the right and y up. The row is centred on the image and as wide
+    as the image: at angle 0 detectors integrate its columns, left to right, at 90° its rows, bottom to top. A row of
+    ones gives 1. What projects outside the row of detectors is not measured. At angle + 180° the same values come in
+    reverse order.
 
     Attributes:
-        bins: detectors; one a pixel of the image's width unless given.
-        fast: touch only the strips that a pixel falls into (`ops.line_integrals`): same values, many times sooner.
+        bins: number of detectors (default: the width of the image in pixels).
+        fast: visit only the detectors that a pixel projects to (`ops.line_integrals`): same values, faster.
 
     Raises:
-        UserError: for fewer than one detector.
+        UserError: for fewer than one detector, or an image or angle of another shape.
+
+    Examples:
+        >>> import math, torch, unproject as up
+        >>> image = torch.ones(1, 1, 4, 4)
+        >>> up.LineIntegral()(image, angle=torch.zeros(1))
+        tensor([[[1., 1., 1., 1.]]])
+        >>> up.LineIntegral(bins=8)(image, angle=torch.tensor([math.pi / 4])).shape
+        torch.Size([1, 1, 8])
     """
 
     bins: int | None = None
@@ -41,8 +50,8 @@ class LineIntegral(Projection):
         if self.bins is not None and self.bins < 1:
             raise UserError(f"LineIntegral(bins={self.bins}): give at least 1 detector, or None for one a pixel")
 
-    def forward(self, x: Tensor, *, angle: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The line integrals of x (B, C, H, W) at angle (B,), radians."""
+    def forward(self, x: Tensor, *, angle: Tensor) -> Tensor:
+        """Return the line integrals (B, C, bins) of x (B, C, H, W) at angle (B,), radians."""
         if x.dim() != 4 or angle.shape != x.shape[:1]:
             raise UserError(
                 f"LineIntegral: give images (B, C, H, W) and one angle an image, not {tuple(x.shape)} "
@@ -52,16 +61,28 @@ class LineIntegral(Projection):
             x = x if x.dtype == torch.float64 else x.float()
             # On a GPU sums by scattering depend on the order of threads, and the dense areas are no burden there.
             native = self.fast and x.device.type == "cpu" and not angle.requires_grad
-            look = strip_integrals_native if native else strip_integrals
-            return look(x, angle.to(x), self.bins or x.shape[3])
+            project = strip_integrals_native if native else strip_integrals
+            return project(x, angle.to(x), self.bins or x.shape[3])
 
 
 def directions(
     count: int = 10, spread: float = math.radians(2.5), line_integral: LineIntegral | None = None, whole: bool = False
 ) -> tuple[Observation, ...]:
-    """`count` directions evenly over half a turn, each uniform within ±`spread` radians: the paper's are 10 and 2.5°.
+    """Return observations of line integrals in `count` directions, evenly spaced over half a turn.
 
-    With `whole` they are followed by the opposite ones, which read the same backwards: 2 `count` over a whole turn.
+    Args:
+        count: number of directions; 10 in the paper.
+        spread: the angle is uniform within ±`spread` of the middle of its direction, radians; 2.5° in the paper.
+        line_integral: the projection (default: `LineIntegral()`).
+        whole: append the opposite directions, whose lines are the same in reverse order: 2 `count` over a whole turn.
+
+    Raises:
+        UserError: for fewer than one direction, or directions that overlap.
+
+    Examples:
+        >>> from unproject.projections import directions
+        >>> [observation.name for observation in directions(3, spread=0.1)]
+        ['direction-00', 'direction-01', 'direction-02']
     """
     if count < 1 or not 0 <= spread <= math.pi / 2 / count:
         raise UserError(

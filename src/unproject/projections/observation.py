@@ -1,4 +1,4 @@
-"""Observation: one observation model, the paper's index i."""
+"""Observation: a projection with a prior over its latents, the paper's index i."""
 
 from __future__ import annotations
 
@@ -14,10 +14,23 @@ from .priors import Prior, Product
 
 @dataclass(frozen=True)
 class Observation:
-    """A name, a projection P_i and a prior p_i over its latents: y = P_i(x, θ), θ ~ p_i.
+    """An observation model: y = P_i(x, θ), θ ~ p_i.
+
+    Attributes:
+        name: identifies the observation in a panel, in logs and in data.
+        projection: P_i.
+        prior: p_i (default: `Product()`, which draws nothing, for a projection without latents).
 
     Raises:
-        UserError: if the prior does not draw exactly the latents the projection takes.
+        UserError: if the prior does not draw exactly the latents that the projection takes.
+
+    Examples:
+        >>> import math, torch, unproject as up
+        >>> front = up.Observation("front", up.LineIntegral(), up.Uniform("angle", -0.1, 0.1))
+        >>> front(torch.rand(2, 1, 8, 8), torch.Generator().manual_seed(0)).shape
+        torch.Size([2, 1, 8])
+        >>> up.Observation("diffuse", up.Selection("diffuse")).prior
+        Product(factors=())
     """
 
     name: str

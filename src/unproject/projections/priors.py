@@ -17,27 +17,48 @@ GRID = 2**40
 
 
 class Prior(ABC):
-    """p(θ): draws latents by name and says which latents it could have drawn."""
+    """A distribution p(θ) over latents, which draws them by name and tests whether given ones lie in its support.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class Tilt(up.Prior):
+        ...     names = ("tilt",)
+        ...     def sample(self, n, rng):
+        ...         return {"tilt": 0.1 * torch.randn(n, generator=rng)}
+        ...     def contains(self, latents):
+        ...         return latents["tilt"].isfinite()
+        >>> up.testing.check_prior(Tilt())
+    """
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """The latents it draws."""
+        """Names of the latents."""
 
     @abstractmethod
     def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
-        """n draws: name → (n,) float32."""
+        """Return n draws: name → (n,) float32."""
 
     @abstractmethod
     def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
-        """(n,) bool: whether each given set of latents lies in the support."""
+        """Return for each of n sets of latents whether it lies in the support, (n,) bool."""
 
 
 @dataclass(frozen=True)
 class Uniform(Prior):
-    """θ = low + (high - low) u, u ~ U[0, 1). With `period`, membership is tested modulo the period.
+    """The uniform distribution of one latent: θ = low + (high - low) u, u ~ U[0, 1).
 
-    Modulo the period, θ is placed on a grid of 2⁴⁰ steps, so that adjacent bins leave no gap and do not overlap.
+    With `period`, membership is tested modulo the period, on a grid of 2⁴⁰ steps, so that adjacent bins neither leave
+    gaps nor overlap.
+
+    Raises:
+        UserError: for bounds that are not finite or in the wrong order, or a period that is not positive.
+
+    Examples:
+        >>> import math, torch, unproject as up
+        >>> azimuth = up.Uniform("azimuth", -0.1, 0.1, period=2 * math.pi)
+        >>> azimuth.contains({"azimuth": torch.tensor([0.05, 1.0, 2 * math.pi])})
+        tensor([ True, False,  True])
     """
 
     name: str
@@ -69,9 +90,21 @@ class Uniform(Prior):
 
 @dataclass(frozen=True)
 class Cap(Prior):
-    """Directions evenly over the part of a sphere within `most` of its pole: a polar angle and an azimuth in [0, 2π).
+    """Directions uniform by area on a spherical cap: cosθ = 1 - u (1 - cos most), φ = 2π v, u and v ~ U[0, 1).
 
-    cosθ = 1 - u (1 - cos most), φ = 2π v.
+    Attributes:
+        polar: name of the latent θ, the angle from the pole.
+        azimuth: name of the latent φ, in [0, 2π).
+        most: the largest θ, radians.
+
+    Raises:
+        UserError: for `most` outside [0, π].
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> drawn = up.Cap("light", "light_azimuth", most=0.5).sample(1000, torch.Generator().manual_seed(0))
+        >>> bool((drawn["light"] <= 0.5).all())
+        True
     """
 
     polar: str
@@ -87,7 +120,7 @@ class Cap(Prior):
         return (self.polar, self.azimuth)
 
     def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
-        # As sin²(θ/2), which keeps its digits where cosθ is next to 1; the least rounding up is taken back.
+        # sin²(θ/2) is precise where cosθ is close to 1; the clamp undoes rounding above `most`.
         half = math.sin(self.most / 2) * torch.rand(n, generator=rng).sqrt()
         polar = (2 * half.asin()).clamp(max=self.most)
         return {self.polar: polar, self.azimuth: TURN * torch.rand(n, generator=rng)}
@@ -99,7 +132,17 @@ class Cap(Prior):
 
 @dataclass(frozen=True)
 class Product(Prior):
-    """Independent factors: p(θ) = Π_j p_j(θ_j). `Product()` draws nothing, for projections without latents."""
+    """A product of independent priors: p(θ) = Π_j p_j(θ_j). `Product()` draws nothing, for projections without latents.
+
+    Raises:
+        UserError: if two factors draw the same latent.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> prior = up.Product(up.Uniform("azimuth", 0, 6.28), up.Uniform("elevation", 0, 0.5))
+        >>> prior.names
+        ('azimuth', 'elevation')
+    """
 
     factors: tuple[Prior, ...]
 
@@ -125,7 +168,21 @@ class Product(Prior):
 
 @dataclass(frozen=True)
 class Mixture(Prior):
-    """p(θ) = Σ_k w_k p_k(θ); equal weights unless given."""
+    """A mixture of priors of the same latents: p(θ) = Σ_k w_k p_k(θ).
+
+    Attributes:
+        parts: p_k.
+        weights: w_k, brought to the sum 1 (default: equal).
+
+    Raises:
+        UserError: for no part, weights that are negative or all 0, or parts that draw different latents.
+
+    Examples:
+        >>> import unproject as up
+        >>> front, back = up.Uniform("azimuth", -0.5, 0.5), up.Uniform("azimuth", 2.6, 3.6)
+        >>> up.Mixture([front, back], [3, 1]).weights
+        (0.75, 0.25)
+    """
 
     parts: tuple[Prior, ...]
     weights: tuple[float, ...]
@@ -152,10 +209,23 @@ class Mixture(Prior):
 
 
 class Bins(Mixture):
-    """`count` equal adjacent bins of a turn, the first centred on `centre`; uniform inside each.
+    """A uniform distribution over a period, in `count` equal adjacent bins, the first centred on `centre`.
 
-    The parts are the bins: `bins.parts[k]` is the prior of bin k.
+    `bins.parts[k]` is the prior of bin k, uniform.
+
+    Raises:
+        UserError: for fewer than one bin.
+
+    Examples:
+        >>> import math, unproject as up
+        >>> bins = up.Bins("azimuth", 16)
+        >>> views = [up.Observation(f"view-{k}", up.Silhouette(), up.Product(azimuth, up.Uniform("elevation", 0, 0)))
+        ...          for k, azimuth in enumerate(bins.parts)]
+        >>> len(views), round(math.degrees(bins.parts[1].low), 2)
+        (16, 11.25)
     """
+
+    parts: tuple[Uniform, ...]
 
     def __init__(self, name: str, count: int, centre: float = 0.0, period: float = TURN) -> None:
         if count < 1:
@@ -168,7 +238,20 @@ class Bins(Mixture):
 
 @dataclass(frozen=True, eq=False)
 class Empirical(Prior):
-    """Draws rows of a table of latents, with replacement: the views found in a real collection."""
+    """Rows of a table of latents, drawn with replacement: for example the cameras of a real collection.
+
+    Attributes:
+        table: name → (rows,).
+
+    Raises:
+        UserError: for no row, or columns of different lengths.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> cameras = up.Empirical({"azimuth": torch.tensor([0.0, 1.5]), "elevation": torch.tensor([0.1, 0.3])})
+        >>> bool(cameras.contains(cameras.sample(8, torch.Generator().manual_seed(0))).all())
+        True
+    """
 
     table: Mapping[str, Tensor]
 
@@ -193,7 +276,7 @@ class Empirical(Prior):
 
 
 def sample_each(priors: Sequence[Prior], which: Tensor, rng: torch.Generator) -> dict[str, Tensor]:
-    """Row b is drawn from `priors[which[b]]`; the priors must draw the same latents."""
+    """Return latents whose row b is drawn from `priors[which[b]]`; all priors must draw the same latents."""
     drawn = {name: torch.empty(len(which)) for name in priors[0].names}
     for k in which.unique().tolist():
         rows = which == k

@@ -1,11 +1,11 @@
-"""Pictures of a flat material: a camera aimed at its centre, under ambient, directional or natural light."""
+"""Renderings of a flat material by a camera aimed at its centre, under ambient, directional or natural light."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeAlias
 
 import torch
 from torch import Tensor
@@ -19,10 +19,10 @@ from ..ops.plane import photograph, to_camera, towards
 from ..ops.shading import Ambient, Directional, Environment, Light, Sampling
 from ..ops.shading_native import shade_fast
 from .base import Projection
-from .observation import Observation
 from .priors import Cap, Prior, Product, Uniform
 from .selection import as_maps
 
+Lighting: TypeAlias = Literal["ambient", "directional", "coloured"]
 FRONT = -math.pi / 2  # the camera stands at the picture's bottom edge
 SPREAD = math.radians(5)
 DIRECTED = ("directional", "coloured")
@@ -31,32 +31,49 @@ THIRD = 2 * math.pi / 3
 
 @dataclass(frozen=True, eq=False)
 class Rendering(Projection):
-    """y = the picture of maps (B, 8, H, W), or of maps by name, as (B, 3, H, W).
+    """y = the rendering (B, 3, H, W) of a material, maps (B, 8, H, W) or maps by name.
 
-    The material is one unit wide and lies in z = 0 (docs/conventions.md). Its latents, all (B,), angles in radians:
-    `view`, the camera's polar angle from the normal, and `view_azimuth` (-90°, from the bottom edge, unless given);
-    of directional light `light`, its polar angle, and `light_azimuth`; of natural light `light`, by which it is turned
-    about the normal, and `probe`, whose whole part says which; and where samples are drawn `jitter` in [0, 1), which
-    ones: the same number gives the same picture.
+    The material is one unit wide and lies in z = 0 (docs/conventions.md). Latents, all (B,), angles in radians:
+
+    ================ ==================== =================================================================
+    latent           lighting             meaning
+    ================ ==================== =================================================================
+    `view`           all                  polar angle of the camera from the normal
+    `view_azimuth`   all                  azimuth of the camera (default: -90°, from the bottom edge)
+    `light`          directional          polar angle of the light from the normal
+    `light_azimuth`  directional          azimuth of the light
+    `light`          environments         rotation of the environment about the normal
+    `probe`          environments         its integer part is the index of the environment
+    `jitter`         ambient, environm.   seed of the sample points, in [0, 1); equal numbers give equal renderings
+    ================ ==================== =================================================================
 
     Attributes:
         lighting: "ambient", radiance 1 from everywhere; "directional", irradiance π on a plane that faces it;
-            "coloured", three of these, a red one where `light_azimuth` says, a green one 120° and a blue one 240° on:
-            shading, which differs between the colours, is told from albedo, and one photograph shows the relief; or
-            environments (K, 3, H, W), lat-long, the top row at the normal.
-        reflection: how specular albedos are meant (`ops.microfacet.Reflection`).
-        sampling: how many samples, which and which gradient (`ops.shading.Sampling`).
+            "coloured", three directional lights, red at `light_azimuth`, green 120° and blue 240° further, so that one
+            image separates shading from albedo and shows the relief; or environments (K, 3, H, W), lat-long, the top
+            row at the normal.
+        reflection: the reflection model (`ops.microfacet.Reflection`).
+        sampling: number and kind of samples, and the estimator of the gradient (`ops.shading.Sampling`).
         distance: of the camera from the centre, in widths of the material.
-        space: "texture": each texel at its own place, as it looks from the camera; "image": the perspective picture.
-        repeat: "image" only: the material again beside itself, else black.
-        developed: exposed to the light of the upper hemisphere, gamma 2.2, clamped at 1, as a photograph is; else
+        space: "texture", each texel shaded at its own place in the grid of the maps, or "image", in perspective.
+        repeat: in "image" space, tile the plane with the material (default: black outside it).
+        developed: expose to the light of the upper hemisphere, apply gamma 2.2 and clamp at 1, as a photograph; else
             linear radiance.
 
     Raises:
-        UserError: for settings or maps that cannot be, or a latent too many or too few.
+        UserError: for invalid settings or maps, or a missing or unexpected latent.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> diffuse, normal = torch.ones(1, 3, 4, 4), torch.tensor([0.0, 0, 1]).view(1, 3, 1, 1).expand(1, 3, 4, 4)
+        >>> maps = torch.cat([diffuse, torch.zeros(1, 1, 4, 4), torch.full((1, 1, 4, 4), 0.3), normal], 1)
+        >>> lamp = up.Rendering("directional", up.ops.microfacet.Reflection("albedo"), developed=False)
+        >>> zero = torch.zeros(1)
+        >>> lamp(maps, view=zero, light=zero, light_azimuth=zero)[0, :, 0, 0]  # white, facing the light: radiance 1
+        tensor([1., 1., 1.])
     """
 
-    lighting: str | Tensor = "ambient"
+    lighting: Lighting | Tensor = "ambient"
     reflection: Reflection = Reflection()
     sampling: Sampling = Sampling()
     distance: float = 4.0
@@ -95,7 +112,7 @@ class Rendering(Projection):
             *(("light", "light_azimuth") if self.lighting in DIRECTED else ("jitter",)),
         )
 
-    def forward(  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(
         self,
         x: Tensor | Mapping[str, Tensor],
         *,
@@ -120,13 +137,13 @@ class Rendering(Projection):
         with torch.autocast(x.device.type, enabled=False):
             x = x if x.dtype == torch.float64 else x.float()
             nothing = x.new_zeros(len(x))
-            if light is not None:  # many turns would cost it its digits
+            if light is not None:  # float32 loses digits at angles of many turns
                 light = light - 2 * math.pi * (light.detach() / (2 * math.pi)).round()
             rest = [nothing if value is None else value.to(x) for value in (light, light_azimuth, probe, jitter)]
             azimuth = torch.full_like(nothing, FRONT) if view_azimuth is None else view_azimuth.to(x)
-            return self._look(x, view.to(x), azimuth, *rest)
+            return self._render(x, view.to(x), azimuth, *rest)
 
-    def _look(
+    def _render(
         self, x: Tensor, view: Tensor, azimuth: Tensor, light: Tensor, around: Tensor, probe: Tensor, jitter: Tensor
     ) -> Tensor:
         camera = to_camera(view, azimuth, self.distance, *x.shape[2:])
@@ -152,17 +169,31 @@ def rendering_prior(
     spread: float = SPREAD,
     light_azimuth: float | None = None,
 ) -> Prior:
-    """Views within `spread` of `view` from the picture's bottom edge, and the light drawn as it comes.
+    """Return a prior over the latents of a rendering: views from the bottom edge of the picture, and the light.
 
-    Natural light is any of the environments turned at random; directional light comes from within `light` radians of
-    the normal, evenly over the sphere: 0 is normal incidence, None the hemisphere down to 80°. With `light_azimuth` it
-    stands there, within `spread` of `light` from the normal and of that azimuth; with three lamps, the red one.
+    Natural light is one of the environments in a random rotation. Directional light is uniform by solid angle within
+    `light` of the normal, or, with `light_azimuth`, uniform within `spread` of these two angles. All in radians.
+
+    Args:
+        rendering: whose latents are drawn.
+        view: polar angle of the camera; the prior is uniform within `spread` of it.
+        light: largest polar angle of directional light, 0 for normal incidence (default: 80°); with `light_azimuth`,
+            the polar angle itself.
+        spread: half the range of angles (default: 5°).
+        light_azimuth: azimuth of directional light; of the red one of three coloured lights.
 
     Raises:
-        UserError: for `light` where no lamp is, or `light_azimuth` without `light`.
+        UserError: for `light` without directional light, or `light_azimuth` without `light`.
+
+    Examples:
+        >>> import unproject as up
+        >>> from unproject.projections import rendering_prior
+        >>> lamp = up.Rendering("directional")
+        >>> up.Observation("top", lamp, rendering_prior(lamp, view=0)).prior.names
+        ('view', 'view_azimuth', 'light', 'light_azimuth')
     """
     if light is not None and rendering.lighting not in DIRECTED:
-        raise UserError("rendering_prior(light=...): is for directional and coloured light; leave it out")
+        raise UserError("rendering_prior(light=...): only directional and coloured lighting take it; leave it out")
     if light_azimuth is not None and light is None:
         raise UserError("rendering_prior(light_azimuth=...): give light, the angle from the normal, too")
     factors: list[Prior] = [Uniform("view", view - spread, view + spread), Uniform("view_azimuth", FRONT, FRONT)]
@@ -179,14 +210,3 @@ def rendering_prior(
     else:
         factors.append(Uniform("jitter", 0, 1))
     return Product(*factors)
-
-
-def photographs(
-    lighting: str | Tensor, reflection: Reflection | None = None, sampling: Sampling | None = None
-) -> tuple[Observation, Observation]:
-    """The paper's two: `top`, from 0 ± 5° of the normal, and `grazing`, from 80 ± 5°."""
-    look = Rendering(lighting, reflection or Reflection(), sampling or Sampling())
-    return (
-        Observation("top", look, rendering_prior(look, 0)),
-        Observation("grazing", look, rendering_prior(look, math.radians(80))),
-    )

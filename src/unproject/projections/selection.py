@@ -1,4 +1,4 @@
-"""One map of a material, as it is: what an artist's collection of albedos or normals shows."""
+"""Selection of one map of a material: a collection may hold only albedos, or only normal maps."""
 
 from __future__ import annotations
 
@@ -9,39 +9,38 @@ from typing import ClassVar
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.maps import MAPS, pack_maps, unpack_maps
+from ..ops.maps import MAPS, MapName, pack_maps, unpack_maps
 from .base import Projection
-from .observation import Observation
-from .priors import Product
 
 
 @dataclass(frozen=True)
 class Selection(Projection):
-    """y = one map of (B, 8, H, W): diffuse (B, 3, H, W), specular (B, 1, …), roughness (B, 1, …) or normal (B, 3, …).
+    """y = one map of materials (B, 8, H, W): diffuse or normal (B, 3, H, W), specular or roughness (B, 1, H, W).
 
     Raises:
-        UserError: for another name, or what are not maps.
+        UserError: for another name, or an x that is not a material.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.Selection("roughness")(torch.rand(2, 8, 16, 16)).shape
+        torch.Size([2, 1, 16, 16])
     """
 
-    map: str
+    map: MapName
     linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.map not in MAPS:
             raise UserError(f"Selection({self.map!r}): give one of {', '.join(MAPS)}")
 
-    def forward(self, x: Tensor | Mapping[str, Tensor]) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(self, x: Tensor | Mapping[str, Tensor]) -> Tensor:
+        """Return the map of x, a tensor (B, 8, H, W) or maps by name."""
         return unpack_maps(as_maps(x))[self.map]
 
 
-def selections() -> tuple[Observation, ...]:
-    """The four, each an observation of its own name."""
-    return tuple(Observation(name, Selection(name), Product()) for name in MAPS)
-
-
 def as_maps(x: Tensor | Mapping[str, Tensor]) -> Tensor:
-    """Maps as a tensor (B, 8, H, W), or by name as `unproject sample` writes them."""
+    """Return maps (B, 8, H, W) of a tensor, or of the maps by name that `unproject sample` writes."""
     parts = [*x.values()] if isinstance(x, Mapping) else [x]
     if not all(isinstance(part, Tensor) and part.is_floating_point() for part in parts):
-        raise UserError("maps: give float tensors of linear values; eight-bit pictures are decoded first")
+        raise UserError("maps: give float tensors of linear values; decode 8-bit pictures first")
     return pack_maps(x) if isinstance(x, Mapping) else x

@@ -1,13 +1,14 @@
-"""Silhouettes of volumes, and the ways of looking that the experiments use.
+"""Silhouettes of volumes, and the sets of views used in the experiments.
 
-A camera at (azimuth, elevation) sends a ray through each pixel; the volume is sampled along it by trilinear
-interpolation and an occupancy rule (`ops.occupancy`) says how much of the ray is stopped.
+A camera at (azimuth, elevation) sends a ray through each pixel. The volume is sampled along the ray by trilinear
+interpolation, and an occupancy rule (`ops.occupancy`) gives the pixel's value from the samples.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
 import torch
 from torch import Tensor
@@ -25,10 +26,11 @@ from ..ops.resampling import (
 from ..ops.rotation import camera_frame
 from .base import Projection
 from .observation import Observation
-from .priors import TURN, Bins, Mixture, Prior, Product, Uniform
+from .priors import Bins, Product, Uniform
 
-RULES = ("any", "alpha", "absorption")
-CAMERAS = ("orthographic", "perspective")
+Rule: TypeAlias = Literal["any", "alpha", "absorption"]
+Camera: TypeAlias = Literal["orthographic", "perspective"]
+RULES, CAMERAS = get_args(Rule), get_args(Camera)
 
 
 @dataclass(frozen=True)
@@ -36,22 +38,34 @@ class Silhouette(Projection):
     """y = rule(x sampled along the ray of each pixel): (B, X, Y, Z) → (B, 1, size, size), values in [0, 1].
 
     Attributes:
-        size: pixels a side; the volume's resolution unless given.
-        rule: "any" 1 - Π(1 - p), "alpha" the released capped sum, or "absorption" 1 - exp(-density ∫p).
+        size: pixels a side (default: the volume's resolution).
+        rule: "any" is 1 - Π(1 - p), "alpha" the capped sum of the released code, "absorption" 1 - exp(-density ∫p).
         camera: "orthographic", or "perspective": a pinhole at `distance`.
-        viewport: half the width seen in the plane through the centre; 1 is the object's box, 1.4 the released code's.
-        depth_samples: samples a ray; one a voxel unless given. "any" and "alpha" depend on it, "absorption" does not.
-        density: of "absorption": one full voxel, whatever the resolution, stops 1 - exp(-density).
+        viewport: half the visible width of the plane through the centre; 1 is the object's box, the released code
+            has 1.4.
+        depth_samples: samples a ray (default: one a voxel). "any" and "alpha" depend on it, "absorption" does not.
+        density: of "absorption": one full voxel absorbs 1 - exp(-density), at every resolution.
         distance: of the pinhole from the object's centre; the field of view is 2 atan(viewport / distance).
-        fast: take the level orthographic fast path (`ops.azimuth`) where it applies: same values, 8 to 25 times sooner.
+        fast: use `ops.azimuth` for orthographic cameras at elevation 0: same values, 8 to 25 times faster.
 
     Raises:
-        UserError: for an unknown rule or camera, or a pinhole inside the sampled depth of ±1.5.
+        UserError: for an unknown rule or camera, a pinhole inside the sampled depth of ±1.5, or a volume, azimuth or
+            elevation of another shape.
+
+    Examples:
+        >>> import math, torch, unproject as up
+        >>> cube = torch.zeros(1, 16, 16, 16)
+        >>> cube[:, 4:12, 4:12, 4:12] = 1
+        >>> masks = up.Silhouette()(cube.expand(2, -1, -1, -1), azimuth=torch.tensor([0.0, math.pi / 2]))
+        >>> masks.shape
+        torch.Size([2, 1, 16, 16])
+        >>> round(masks[0].mean().item(), 2)  # the front face covers a quarter of the picture
+        0.25
     """
 
     size: int | None = None
-    rule: str = "any"
-    camera: str = "orthographic"
+    rule: Rule = "any"
+    camera: Camera = "orthographic"
     viewport: float = 1.0
     depth_samples: int | None = None
     density: float = 1.0
@@ -66,10 +80,8 @@ class Silhouette(Projection):
         counts = [n for n in (self.size, self.depth_samples) if n is not None]
         _check(all(n >= 1 for n in counts), "size and depth_samples must be at least 1")
 
-    def forward(  # pyright: ignore[reportIncompatibleMethodOverride]
-        self, x: Tensor, *, azimuth: Tensor, elevation: Tensor | None = None
-    ) -> Tensor:
-        """The silhouettes of x (B, X, Y, Z) seen from azimuth (B,) and elevation (B,), radians."""
+    def forward(self, x: Tensor, *, azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
+        """Return the silhouettes (B, 1, size, size) of x (B, X, Y, Z) from azimuth and elevation (B,), radians."""
         _check(x.dim() == 4, f"a volume has the shape (B, X, Y, Z), not {tuple(x.shape)}")
         _check(azimuth.shape == x.shape[:1], f"give one azimuth a volume: ({len(x)},), not {tuple(azimuth.shape)}")
         with torch.autocast(x.device.type, enabled=False):
@@ -78,13 +90,8 @@ class Silhouette(Projection):
             azimuth = azimuth.to(x)
             elevation = torch.zeros_like(azimuth) if elevation is None else elevation.to(x)
             _check(elevation.shape == azimuth.shape, f"give one elevation a volume, not {tuple(elevation.shape)}")
-            look = self._look_level if self._is_level(azimuth, elevation) else self._look
-            return look(x, azimuth, elevation)
-
-    @property
-    def field_of_view(self) -> float:
-        """The full angle (radians) that a perspective camera sees."""
-        return 2 * math.atan(self.viewport / self.distance)
+            project = self._project_level if self._is_level(azimuth, elevation) else self._project
+            return project(x, azimuth, elevation)
 
     def _is_level(self, azimuth: Tensor, elevation: Tensor) -> bool:
         fixed = not (azimuth.requires_grad or elevation.requires_grad)
@@ -94,8 +101,8 @@ class Silhouette(Projection):
         resolution = max(x.shape[1:])
         return self.size or resolution, self.viewport, *depth_range(resolution, self.depth_samples)
 
-    def _look(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
-        """The plain reference: trilinear samples along every ray."""
+    def _project(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
+        """Return the silhouettes by trilinear samples along every ray: the plain reference."""
         frame, sampling, density = camera_frame(azimuth, elevation), self._sampling(x), self._density(x)
         if self.camera == "perspective":
             points = perspective_rays(frame, *sampling, self.distance)
@@ -106,8 +113,8 @@ class Silhouette(Projection):
         y = absorption(p, -1, density) if self.rule == "absorption" else _RULE[self.rule](p, -1)
         return y.unsqueeze(1)
 
-    def _look_level(self, x: Tensor, azimuth: Tensor, _: Tensor) -> Tensor:
-        """The same values when the elevation is 0."""
+    def _project_level(self, x: Tensor, azimuth: Tensor, _: Tensor) -> Tensor:
+        """Return the values of `_project` at elevation 0."""
         size, viewport, samples, half_depth = self._sampling(x)
         rays = PlaneRays(azimuth, (x.shape[1], x.shape[3]), size, viewport, samples, half_depth)
         density = self._density(x)
@@ -119,7 +126,7 @@ class Silhouette(Projection):
         return columns.transpose(1, 2).flip(1).unsqueeze(1)
 
     def _density(self, x: Tensor) -> float:
-        """The density a sample, from the density a voxel."""
+        """Return the density of a sample, from the density of a voxel."""
         resolution = max(x.shape[1:])
         samples, half_depth = depth_range(resolution, self.depth_samples)
         return self.density * half_depth * resolution / samples
@@ -129,7 +136,14 @@ _RULE = {"any": any_occupied, "alpha": capped_sum}
 
 
 def azimuth_bins(count: int = 16, silhouette: Silhouette | None = None) -> tuple[Observation, ...]:
-    """`count` bins of azimuth at elevation 0, the first centred on azimuth 0; uniform inside each."""
+    """Return silhouettes in `count` bins of azimuth at elevation 0, the first centred on azimuth 0; uniform in each.
+
+    Examples:
+        >>> from unproject.projections import azimuth_bins
+        >>> views = azimuth_bins(16)
+        >>> len(views), views[0].name, views[0].prior.names
+        (16, 'azimuth-00', ('azimuth', 'elevation'))
+    """
     return tuple(
         Observation(f"azimuth-{k:02d}", silhouette or Silhouette(), Product(azimuth, _level()))
         for k, azimuth in enumerate(Bins("azimuth", count).parts)
@@ -139,7 +153,7 @@ def azimuth_bins(count: int = 16, silhouette: Silhouette | None = None) -> tuple
 def azimuth_elevation_bins(
     azimuths: int = 8, elevations: int = 3, silhouette: Silhouette | None = None
 ) -> tuple[Observation, ...]:
-    """The released second set: azimuth bins times bands of elevation 15° wide, centred on the horizon."""
+    """Return silhouettes in bins of azimuth × bands of elevation, 15° wide, centred on 0: the released second set."""
     bands = [math.radians(15) * (band - elevations / 2) for band in range(elevations + 1)]
     return tuple(
         Observation(
@@ -150,25 +164,6 @@ def azimuth_elevation_bins(
         for k, azimuth in enumerate(Bins("azimuth", azimuths).parts)
         for band in range(elevations)
     )
-
-
-def continuous_views(
-    silhouette: Silhouette | None = None, elevation: tuple[float, float] = (0.0, 0.0)
-) -> tuple[Observation, ...]:
-    """One way of looking: from anywhere around, at an elevation (radians) uniform in the given range."""
-    prior = Product(Uniform("azimuth", 0, TURN, TURN), Uniform("elevation", *elevation))
-    return (Observation("around", silhouette or Silhouette(), prior),)
-
-
-def prgan_views(azimuths: int = 8, top: bool = True, silhouette: Silhouette | None = None) -> tuple[Observation, ...]:
-    """PrGAN's one way of looking: one of `azimuths` exact azimuths, or from the top; all equally likely."""
-    parts: list[Prior] = [_exactly(k * TURN / azimuths, 0) for k in range(azimuths)]
-    parts += [_exactly(0, math.pi / 2)] if top else []
-    return (Observation("prgan", silhouette or Silhouette(rule="absorption"), Mixture(parts)),)
-
-
-def _exactly(azimuth: float, elevation: float) -> Product:
-    return Product(Uniform("azimuth", azimuth, azimuth), Uniform("elevation", elevation, elevation))
 
 
 def _level() -> Uniform:

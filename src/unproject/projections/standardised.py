@@ -1,7 +1,8 @@
-"""A projection whose result is brought to one mean and deviation, channel by channel.
+"""Standardised: a projection whose images are brought to one mean and deviation, channel by channel.
 
-What is judged together should be of one size: a specular albedo lies within 0.01 of 0.04, a normal's z within 0.1 of
-1, and a discriminator, and the penalty on its gradient, would see neither. Real images go through `standardise` before.
+The maps of a material have very different ranges: a specular albedo lies within 0.01 of 0.04, a normal's z within 0.1
+of 1. On such ranges a discriminator learns slowly, and a gradient penalty has a different strength for each map. Real
+images must go through `standardise` too.
 """
 
 from __future__ import annotations
@@ -22,7 +23,14 @@ class Standardised(Projection):
     """y = ½ + ¼ (P(x, θ) - mean) / deviation, for images (B, C, H, W) and C means and deviations.
 
     Raises:
-        UserError: for no channels, as many means as not deviations, or a deviation that is not positive.
+        UserError: for no channels, different numbers of means and deviations, or a deviation that is not positive.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> projection = up.projections.Standardised(up.Selection("specular"), mean=(0.04,), deviation=(0.01,))
+        >>> y = projection(torch.full((1, 8, 4, 4), 0.05))
+        >>> round(y.mean().item(), 4)
+        0.75
     """
 
     projection: Projection
@@ -44,23 +52,22 @@ class Standardised(Projection):
         return self.standardise(self.projection(x, **latents))
 
     def standardise(self, y: Tensor) -> Tensor:
+        """Return ½ + ¼ (y - mean) / deviation."""
         mean, deviation = (y.new_tensor(values)[:, None, None] for values in (self.mean, self.deviation))
         return MIDDLE + SCALE * (y - mean) / deviation
 
     def restore(self, y: Tensor) -> Tensor:
-        """What `standardise` was given."""
+        """Return the images that `standardise` gave y for."""
         mean, deviation = (y.new_tensor(values)[:, None, None] for values in (self.mean, self.deviation))
         return (y - MIDDLE) / SCALE * deviation + mean
 
 
 def standardised(projection: Projection, images: Tensor, least: float = 1e-3) -> Standardised:
-    """With the means and deviations of real images (N, C, H, W), to three digits; no deviation is below `least`."""
+    """Return the projection standardised by real images (N, C, H, W): their means and deviations to three digits.
+
+    Deviations are `least` or more.
+    """
     mean, deviation = images.mean((0, 2, 3)), images.std((0, 2, 3)).clamp(min=least)
     return Standardised(
         projection, *(tuple(float(f"{v:.3g}") for v in values.tolist()) for values in (mean, deviation))
     )
-
-
-def restored(projection: Projection, images: Tensor) -> Tensor:
-    """Images as they were before a `Standardised` projection brought them to one size; others as they are."""
-    return projection.restore(images) if isinstance(projection, Standardised) else images

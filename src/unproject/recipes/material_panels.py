@@ -18,6 +18,7 @@ from ..ops.maps import MAPS
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections import Identity, Observation, Rendering, Selection, rendering_prior, standardised
+from ..projections.rendering import Lighting
 from ..training.estimate import require_memory
 
 Materials = Callable[[int, int, int], Tensor]
@@ -161,12 +162,13 @@ def observation_of(name: str, natural: Tensor | None, samples: int) -> Observati
     Raises:
         UserError: for an unknown name.
     """
-    if name in MAPS:
+    if name in ("diffuse", "specular", "roughness", "normal"):
         return Observation(name, Selection(name))
     if name not in VIEWED_FROM:
         raise UserError(f"observations: there is none called {name!r}; choose from {', '.join((*MAPS, *VIEWED_FROM))}")
-    hard = dict.fromkeys(("flash", "lamp", "raking"), "directional")
-    lighting = {**hard, "coloured": "coloured", "ambient": "ambient"}.get(name, natural)
+    lit: dict[str, Lighting] = {"coloured": "coloured", "ambient": "ambient"}
+    lit |= {"flash": "directional", "lamp": "directional", "raking": "directional"}
+    lighting = lit.get(name, natural)
     assert lighting is not None
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
     light, azimuth = ({"flash": (0.0, None)} | LAMPS).get(name, (None, None))

@@ -1,7 +1,7 @@
-"""The laws that projections, priors and generators obey, for the shipped parts and for a user's own.
+"""The laws of projections, priors and generators, for the parts of this package and for a user's own.
 
-Each law is one line of a table: what must hold, what it looks like when it does not, and a test. `check_*` raises
-`LawError` with every broken law; `run_laws` returns all the results, as `unproject check` prints them.
+A law is a statement, the likely cause of its violation, and a test. `check_*` raises `LawError` with every broken law;
+`run_laws` returns all results, as `unproject check` prints them.
 """
 
 from __future__ import annotations
@@ -37,31 +37,75 @@ def check_projection(part: Projection | Observation, example: Tensor | None = No
     """Test the laws of a projection.
 
     Args:
-        part: a projection, its latents then drawn from U[0, 1); or an observation, which draws its own.
-        example: a batch of x; by default three random ones of the projection's `example_shape`, values in [0, 1].
+        part: a projection, whose latents are drawn from U[0, 1), or an observation, which has a prior.
+        example: a batch of x (default: three random ones of the projection's `example_shape`, values in [0, 1]).
+        seed: of the random draws.
 
     Raises:
         LawError: naming each broken law, what was measured and the likely cause.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class Sum(up.Projection):
+        ...     linear = True
+        ...     def forward(self, x):
+        ...         return x.sum(3)
+        >>> up.testing.check_projection(Sum())
+        >>> class Normalised(Sum):
+        ...     def forward(self, x):
+        ...         return x.sum(3) / x.mean()
+        >>> up.testing.check_projection(Normalised())
+        Traceback (most recent call last):
+        ...
+        unproject.testing.laws.LawError: Normalised breaks 4 of 10 laws tried
+        ...
     """
     raise_broken(part, apply_laws(PROJECTION_LAWS, projection_case(part, example, seed)))
 
 
 def check_prior(prior: Prior, seed: int = 0) -> None:
-    """Test the laws of a prior; raises `LawError`."""
+    """Test the laws of a prior.
+
+    Raises:
+        LawError: naming each broken law, what was measured and the likely cause.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.testing.check_prior(up.Bins("azimuth", 16))
+    """
     raise_broken(prior, apply_laws(PRIOR_LAWS, PriorCase(prior, seed)))
 
 
 def check_generator(generator: nn.Module, seed: int = 0, low: float = 0.0, high: float = 1.0) -> None:
-    """Test the laws of a generator, a module with `draw(n, rng)` and `sample(n, seed)`; raises `LawError`.
+    """Test the laws of a generator, a module with `draw(n, rng)` and `sample(n, seed)`.
 
     Args:
-        low, high: the range its values must keep to.
+        generator: the module.
+        seed: of the random draws.
+        low, high: the range of its values.
+
+    Raises:
+        LawError: naming each broken law, what was measured and the likely cause.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.testing.check_generator(up.networks.ImageGenerator(size=8, code_size=4, channels=8))
     """
     raise_broken(generator, apply_laws(GENERATOR_LAWS, generator_case(generator, seed, low, high)))
 
 
 def run_laws(part: Any, seed: int = 0) -> list[LawResult]:
-    """All laws that apply to a projection, an observation (with its prior), a prior or a generator."""
+    """Test the laws of a projection, an observation (with its prior), a prior or a generator; return all results.
+
+    Raises:
+        UserError: for anything else.
+
+    Examples:
+        >>> import unproject as up
+        >>> results = up.testing.run_laws(up.Uniform("angle", 0, 1))
+        >>> [result.name for result in results if result.passed]
+        ['names', 'shape', 'dtype', 'finite', 'deterministic', 'support']
+    """
     if isinstance(part, Observation):
         return run_laws(part.prior, seed) + apply_laws(PROJECTION_LAWS, projection_case(part, None, seed))
     if isinstance(part, Projection):
@@ -70,4 +114,4 @@ def run_laws(part: Any, seed: int = 0) -> list[LawResult]:
         return apply_laws(PRIOR_LAWS, PriorCase(part, seed))
     if isinstance(part, nn.Module):
         return apply_laws(GENERATOR_LAWS, generator_case(part, seed, 0.0, 1.0))
-    raise UserError(f"{part!r} is none of Projection, Observation, Prior or generator module; give one of those")
+    raise UserError(f"{part!r} is no Projection, Observation, Prior or generator module; give one of these")

@@ -1,4 +1,4 @@
-"""The laws of generators: pure in evaluation mode, each element alone, reproducible from a seed."""
+"""The laws of generators: pure in evaluation mode, element by element, reproducible from a seed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class GeneratorCase:
     low: float
     high: float
 
-    def make(self, codes: Tensor | None = None, seed: int = 0) -> Tensor:
+    def generate(self, codes: Tensor | None = None, seed: int = 0) -> Tensor:
         with global_seed(seed), torch.no_grad():
             return self.generator(self.codes if codes is None else codes)
 
@@ -36,7 +36,7 @@ def generator_case(generator: Any, seed: int, low: float, high: float) -> Genera
 
 
 def _generator_shape(case: GeneratorCase) -> str:
-    x = case.make()
+    x = case.generate()
     need(isinstance(x, Tensor) and x.is_floating_point(), f"it returned {type(x).__name__}")
     need(x.dim() >= 2 and len(x) == len(case.codes), f"{len(case.codes)} codes gave the shape {tuple(x.shape)}")
     return f"{tuple(case.codes.shape)} to {tuple(x.shape)}"
@@ -44,12 +44,12 @@ def _generator_shape(case: GeneratorCase) -> str:
 
 def _generator_finite(case: GeneratorCase) -> str:
     for scale in (0.0, 1.0, 4.0):
-        need(bool(case.make(case.codes * scale).isfinite().all()), f"not finite for codes times {scale:g}")
+        need(bool(case.generate(case.codes * scale).isfinite().all()), f"not finite for codes times {scale:g}")
     return "codes times 0, 1 and 4"
 
 
 def _generator_range(case: GeneratorCase) -> str:
-    x = case.make()
+    x = case.generate()
     x = x[x.isfinite()]
     measured = f"{x.min():.4g} to {x.max():.4g}"
     need(bool((x >= case.low).all() and (x <= case.high).all()), f"values run from {measured}")
@@ -58,15 +58,15 @@ def _generator_range(case: GeneratorCase) -> str:
 
 def _generator_pure(case: GeneratorCase) -> str:
     before = copy.deepcopy(case.generator.state_dict())
-    detail = same(case.make(seed=1), case.make(seed=2), 0.0, "two equal calls")
+    detail = same(case.generate(seed=1), case.generate(seed=2), 0.0, "two equal calls")
     changed = [k for k, v in case.generator.state_dict().items() if not equal(v, before[k])]
     need(not changed, f"the buffers {', '.join(changed)} were written")
     return detail
 
 
 def _generator_alone(case: GeneratorCase) -> str:
-    alone = torch.cat([case.make(code[None]) for code in case.codes])
-    return same(alone, case.make(), 1e-4, "an element alone and in the batch")
+    alone = torch.cat([case.generate(code[None]) for code in case.codes])
+    return same(alone, case.generate(), 1e-4, "an element alone and in the batch")
 
 
 def _generator_seeded(case: GeneratorCase) -> str:

@@ -1,4 +1,4 @@
-"""What a law is, and what laws measure with."""
+"""Law: a statement with a test; and the comparisons that tests use."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Case = TypeVar("Case")
 
 
 class LawError(AssertionError):
-    """A part breaks a law; the message names the law, what was measured and the likely cause."""
+    """Raised for a part that breaks laws; the message has each law, what was measured and the likely cause."""
 
 
 class LawResult(NamedTuple):
-    """One law applied to one part."""
+    """The result of one law for one part."""
 
     name: str
     passed: bool
@@ -30,9 +30,14 @@ class LawResult(NamedTuple):
 
 @dataclass(frozen=True)
 class Law(Generic[Case]):
-    """`test` returns what it measured and raises `LawError` if that breaks the law.
+    """A law.
 
-    If a `first` law is broken, the later ones cannot be judged and are not tried.
+    Attributes:
+        name: of the law.
+        statement: what must hold.
+        cause: the likely cause if it does not.
+        test: returns what it measured; raises `LawError` if the law is broken.
+        first: if this law is broken, later ones cannot be tested and are skipped.
     """
 
     name: str
@@ -70,7 +75,7 @@ def need(holds: bool, otherwise: str) -> None:
 
 
 def same(a: Tensor, b: Tensor, tolerance: float, what: str) -> str:
-    """a = b within `tolerance` relative to the largest value; NaN equals NaN, finiteness having its own law."""
+    """Require a = b within `tolerance` relative to the largest value; NaN equals NaN, as finiteness is another law."""
     need(a.shape == b.shape, f"{what} have the shapes {tuple(a.shape)} and {tuple(b.shape)}")
     both = a.isfinite() & b.isfinite()
     error = (a[both] - b[both]).abs().max().item() if both.any() else 0.0
@@ -88,7 +93,7 @@ def equal(a: Any, b: Any) -> bool:
         return len(a) == len(b) and all(map(equal, a, b))
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(np.asarray(a), np.asarray(b))
-    # A deep copy of an object without __eq__ never equals it: what it holds decides.
+    # Without __eq__ an object never equals its deep copy: compare the attributes.
     return equal(vars(a), vars(b)) if _plain_object(a) and type(a) is type(b) else bool(a == b)
 
 
@@ -99,7 +104,7 @@ def _plain_object(value: Any) -> bool:
 
 @contextmanager
 def global_seed(seed: int) -> Iterator[None]:
-    """Fix what torch, numpy and Python draw from when no generator is given; put it back afterwards."""
+    """Seed the global generators of torch, numpy and Python, and restore them afterwards."""
     python, numpy = random.getstate(), np.random.get_state()
     try:
         with torch.random.fork_rng(devices=[]):

@@ -1,4 +1,4 @@
-"""The laws of priors: what they draw is what they say they draw."""
+"""The laws of priors: names, shapes, determinism and support of their draws."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _prior_support(case: PriorCase) -> str:
 
 
 PRIOR_LAWS: tuple[Law[PriorCase], ...] = (
-    Law("names", "it draws the latents it names, each once", "names and sample disagree", _prior_names, first=True),
+    Law("names", "it draws the latents in `names`, each once", "names and sample disagree", _prior_names, first=True),
     Law("shape", "n draws of a latent have shape (n,)", "a trailing dimension", _prior_shape, first=True),
     Law("dtype", "draws are float32", "numpy or a float64 table", _prior_dtype),
     Law("finite", "draws are finite", "a logarithm of 0 or a division", _prior_finite),

@@ -1,4 +1,4 @@
-"""The laws of projections: pure, batched, finite, differentiable; and linear where they say so."""
+"""The laws of projections: pure, batched, finite, differentiable; superposition and adjoint for linear ones."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ BATCH = 3
 
 @dataclass(frozen=True)
 class ProjectionCase:
-    """A projection with a float64 batch to look at."""
+    """A projection with a float64 batch to project."""
 
     projection: Projection
     x: Tensor
     theta: dict[str, Tensor]
 
-    def look(self, x: Tensor | None = None, rows: Any = slice(None), seed: int = 0) -> Tensor:
-        """y = P(x, θ[rows]) on fresh copies, under a fixed global seed."""
+    def project(self, x: Tensor | None = None, rows: Any = slice(None), seed: int = 0) -> Tensor:
+        """Return P(x, θ[rows]) of fresh copies, under a fixed global seed."""
         x = self.x[rows] if x is None else x
         theta = {name: value[rows].clone() for name, value in self.theta.items()}
         with global_seed(seed):
@@ -40,27 +40,27 @@ def projection_case(part: Projection | Observation, example: Tensor | None, seed
     prior = part.prior if isinstance(part, Observation) else Product(*(Uniform(n, 0, 1) for n in projection.latents))
     rng = generator_at(seed, 0, "laws")
     if example is None:
-        # Mostly empty, as real volumes are: a nearly opaque one hides mistakes behind its first voxels.
+        # Mostly empty, as real volumes are: a nearly opaque one hides errors behind its first voxels.
         example = torch.rand(BATCH, *projection.example_shape, generator=rng) ** 3
     theta = prior.sample(len(example), rng)
     return ProjectionCase(projection, example.double(), {name: value.double() for name, value in theta.items()})
 
 
 def _shape(case: ProjectionCase) -> str:
-    y = case.look()
+    y = case.project()
     need(isinstance(y, Tensor) and y.is_floating_point(), f"it returned {type(y).__name__}")
     need(y.dim() >= 2 and len(y) == len(case.x), f"{len(case.x)} went in and the result has shape {tuple(y.shape)}")
     return f"{tuple(case.x.shape)} to {tuple(y.shape)}"
 
 
 def _dtype(case: ProjectionCase) -> str:
-    y = case.look()
+    y = case.project()
     need(y.dtype == torch.float64, f"float64 went in and {y.dtype} came out")
     return "float64 to float64"
 
 
 def _pure(case: ProjectionCase) -> str:
-    return same(case.look(seed=1), case.look(seed=2), 0.0, "two equal calls")
+    return same(case.project(seed=1), case.project(seed=2), 0.0, "two equal calls")
 
 
 def _inputs(case: ProjectionCase) -> str:
@@ -75,24 +75,24 @@ def _inputs(case: ProjectionCase) -> str:
 
 def _state(case: ProjectionCase) -> str:
     before = copy.deepcopy(vars(case.projection))
-    case.look()
+    case.project()
     changed = [k for k, v in vars(case.projection).items() if k not in before or not equal(v, before[k])]
     need(not changed, f"it wrote self.{', self.'.join(changed)}")
     return "no attribute written"
 
 
 def _batched(case: ProjectionCase) -> str:
-    y = case.look()
-    alone = torch.cat([case.look(rows=slice(b, b + 1)) for b in range(len(case.x))])
+    y = case.project()
+    alone = torch.cat([case.project(rows=slice(b, b + 1)) for b in range(len(case.x))])
     same(alone, y, 1e-9, "an element alone and in the batch")
     order = torch.arange(len(case.x)).flip(0)
-    return same(case.look(rows=order), y[order], 1e-9, "the permuted batch and the permuted result")
+    return same(case.project(rows=order), y[order], 1e-9, "the permuted batch and the permuted result")
 
 
 def _finite(case: ProjectionCase) -> str:
     for name, x in (("random", case.x), ("all 0", torch.zeros_like(case.x)), ("all 1", torch.ones_like(case.x))):
         x = x.clone().requires_grad_()
-        y = case.look(x)
+        y = case.project(x)
         need(bool(y.isfinite().all()), f"the result is not finite for {name} x")
         if y.requires_grad:
             (gradient,) = torch.autograd.grad(y.sum(), x)
@@ -102,13 +102,13 @@ def _finite(case: ProjectionCase) -> str:
 
 def _differentiable(case: ProjectionCase) -> str:
     x = case.x.clone().requires_grad_()
-    y = case.look(x)
+    y = case.project(x)
     need(y.requires_grad, "the result does not depend on x for autograd")
     weight = torch.rand(y.shape, generator=generator_at(1), dtype=y.dtype)
     (gradient,) = torch.autograd.grad(y, x, weight)
-    need(bool(gradient.any()), "the gradient is 0 everywhere, so nothing can be learned through it")
+    need(bool(gradient.any()), "the gradient is 0 everywhere")
     try:
-        gradcheck(case.look, (x,), fast_mode=True, nondet_tol=1e-9)
+        gradcheck(case.project, (x,), fast_mode=True, nondet_tol=1e-9)
     except GradcheckError as error:
         raise LawError("gradcheck says " + " ".join(str(error).split())[:200]) from error
     return "gradcheck in float64"
@@ -116,17 +116,17 @@ def _differentiable(case: ProjectionCase) -> str:
 
 def _superposition(case: ProjectionCase) -> str:
     if not case.projection.linear:
-        return "not linear: nothing to hold"
+        return "not linear: does not apply"
     x, other = case.x, case.x.flip(0).square()
-    combined = 2 * case.look(x) - 3 * case.look(other)
-    return same(case.look(2 * x - 3 * other), combined, 1e-8, "P(2x - 3x') and 2P(x) - 3P(x')")
+    combined = 2 * case.project(x) - 3 * case.project(other)
+    return same(case.project(2 * x - 3 * other), combined, 1e-8, "P(2x - 3x') and 2P(x) - 3P(x')")
 
 
 def _adjoint(case: ProjectionCase) -> str:
     if not case.projection.linear:
-        return "not linear: nothing to hold"
+        return "not linear: does not apply"
     x = case.x.clone().requires_grad_()
-    Ax = case.look(x) - case.look(torch.zeros_like(x))
+    Ax = case.project(x) - case.project(torch.zeros_like(x))
     y = torch.rand(Ax.shape, generator=generator_at(1), dtype=Ax.dtype)
     if hasattr(case.projection, "adjoint"):
         ATy = case.projection.adjoint(y, **case.theta)  # pyright: ignore[reportAttributeAccessIssue]
@@ -146,14 +146,14 @@ PROJECTION_LAWS: tuple[Law[ProjectionCase], ...] = (
         "an in-place operation (a name that ends in _) on an argument", _inputs),
     Law("state", "no attribute changes in a call",
         "self.something = ... inside forward", _state),
-    Law("batched", "each element is treated alone, wherever in the batch it is",
+    Law("batched", "an element's result does not depend on the rest of the batch",
         "a mean, norm or batch-norm over the batch, or broadcasting θ along the wrong dimension", _batched),
     Law("finite", "values and gradients are finite, also for x all 0 and all 1",
         "a division, logarithm or root at its singular point", _finite),
-    Law("differentiable", "the gradient in x is the slope of the values",
+    Law("differentiable", "the gradient in x is the derivative of the values",
         "a detach, round or comparison, .item() or numpy, or a hand-written backward", _differentiable),
     Law("superposition", "P(ax + bx') = aP(x) + bP(x') where linear = True",
         "an offset, clamp or normalisation: set linear = False", _superposition),
     Law("adjoint", "<Ax, y> = <x, Aᵀy> where linear = True (Aᵀ is `adjoint` if defined, else autograd's)",
-        "an adjoint that forgets a weight or a mirror", _adjoint),
+        "an adjoint without a weight or a reflection of the forward operator", _adjoint),
 )  # fmt: skip

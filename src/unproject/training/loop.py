@@ -30,7 +30,7 @@ def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool 
         UserError: if `out` holds a run already, or training diverges twice.
         OSError: if the disk is full; checkpoints already written stay good.
 
-    Example:
+    Examples:
         >>> import functools, tempfile, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
@@ -79,7 +79,7 @@ def resume(
     Raises:
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.
 
-    Example:
+    Examples:
         >>> import functools, tempfile, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(

@@ -20,7 +20,7 @@ OPTIONS = tuple(Options.__annotations__)
 def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
     """Let the recipes that a function makes remember how they were made, so that their runs resume by path alone.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> @up.resumable
         ... def volumes(*, count: int = 4, **options) -> up.Recipe:

@@ -24,7 +24,7 @@ from ..networks import Discriminator, Generator
 class Adam:
     """Adam(β1, β2); the learning rate falls from `rate` to `final` along a cosine (default: it stays).
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> up.Adam(1e-3, final=0.0).rate_at(progress=0.5)
         0.0005
@@ -60,7 +60,7 @@ class Origin:
 class Options(TypedDict, total=False):
     """Fields of `Recipe` that every recipe function takes as further keywords, and `unproject train` as flags.
 
-    Example:
+    Examples:
         >>> import unproject as up
         >>> sorted(up.Options.__annotations__)[:3]
         ['balance_every', 'batch', 'checkpoint_every']
@@ -110,7 +110,7 @@ class Recipe:
     Raises:
         UserError: for no panel, no budget, or a number out of range.
 
-    Example:
+    Examples:
         >>> import functools, unproject as up
         >>> itself = up.Observation("itself", up.Identity())
         >>> panel = up.Panel([itself], up.Collection(up.data.chairs(4, 16)))

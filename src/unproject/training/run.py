@@ -38,7 +38,7 @@ class Run:
         step: steps done.
         domain: what the generator makes.
 
-    Example:
+    Examples:
         >>> import functools, tempfile, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
@@ -135,7 +135,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     Raises:
         UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
 
-    Example:
+    Examples:
         >>> import functools, tempfile, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
