@@ -31,7 +31,7 @@ def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool 
         OSError: if the disk is full; checkpoints already written stay good.
 
     Examples:
-        >>> import functools, tempfile, unproject as up
+        >>> import functools, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
         ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
@@ -40,8 +40,7 @@ def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool 
         ...     steps=1,
         ...     batch=2,
         ... )
-        >>> folder = tempfile.TemporaryDirectory()
-        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> run = up.train(recipe, "runs/train", quiet=True)
         >>> run.step, run.sample(2).shape
         (1, torch.Size([2, 16, 16, 16]))
     """
@@ -80,7 +79,7 @@ def resume(
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.
 
     Examples:
-        >>> import functools, tempfile, unproject as up
+        >>> import functools, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
         ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
@@ -89,8 +88,7 @@ def resume(
         ...     steps=1,
         ...     batch=2,
         ... )
-        >>> folder = tempfile.TemporaryDirectory()
-        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> run = up.train(recipe, "runs/resume", quiet=True)
         >>> up.resume(run.path, recipe, steps=2, quiet=True).step
         2
     """

@@ -39,7 +39,7 @@ class Run:
         domain: what the generator makes.
 
     Examples:
-        >>> import functools, tempfile, unproject as up
+        >>> import functools, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
         ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
@@ -48,8 +48,7 @@ class Run:
         ...     steps=1,
         ...     batch=2,
         ... )
-        >>> folder = tempfile.TemporaryDirectory()
-        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> run = up.train(recipe, "runs/scored", quiet=True)
         >>> run.stats()
         []
         >>> sorted(run.evaluate(n=8, recipe=recipe))
@@ -136,7 +135,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
         UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
 
     Examples:
-        >>> import functools, tempfile, unproject as up
+        >>> import functools, unproject as up
         >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
         >>> recipe = up.Recipe(
         ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
@@ -145,8 +144,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
         ...     steps=1,
         ...     batch=2,
         ... )
-        >>> folder = tempfile.TemporaryDirectory()
-        >>> run = up.train(recipe, folder.name + "/run", quiet=True)
+        >>> run = up.train(recipe, "runs/opened", quiet=True)
         >>> up.load(run.path).sample(1, seed=7).equal(run.sample(1, seed=7))
         True
     """
