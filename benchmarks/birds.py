@@ -1,4 +1,4 @@
-"""Real photographs: 3-D birds from cut-out masks whose views nobody knows.
+"""Real photographs: 3-D birds from cut-out masks of unknown views.
 
     python benchmarks/birds.py --data MASKS.npz --minutes 20 --out docs/results/birds
 

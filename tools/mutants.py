@@ -157,7 +157,7 @@ def start_mutant(mutant: Mutant, clean: Path, folder: Path) -> Trial:
 
 
 def outcome(mutant: Mutant, trial: Trial) -> Outcome:
-    """Judge a mutant by the tests that ended, or that took too long."""
+    """Classify a mutant by the tests that ended, or that took too long."""
     seconds, status, output = trial.age, trial.status(), trial.output()
     word = "timeout" if status is None else "crashed" if status < 0 else WORDS.get(status, "error")
     if word == "error":

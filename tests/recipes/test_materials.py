@@ -140,7 +140,7 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         ("grazing", 4),
     ]
     assert [*panels(wood_materials(data=tmp_path, observations=("top",), **TOY))] == ["top"]
-    # Nobody knows their light, and they count less than maps; our own renderings of top views count as all do.
+    # Their light is unknown, and they count less than maps; our own renderings of top views count as all do.
     found = panels(wood_materials(data=tmp_path, natural_light_weight=0.25, **TOY))
     assert {name: panel.weight for name, panel in found.items()} == {"diffuse": 1.0, "top": 0.25, "grazing": 0.25}
     ours = wood_materials(observations=("top", "flash"), renderings=2, photograph_weight=2.5, **TOY)

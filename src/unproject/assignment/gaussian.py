@@ -32,7 +32,7 @@ class GaussianInitialiser:
     """x ~ N(μ, Σ), y = A_k x + ε, ε ~ N(0, s²), directions k equally frequent: p(k | y) by annealed EM.
 
     x are the weights of blobs on rings and A_k their line integrals in direction k: all directions are treated alike.
-    The directions lie in order around a whole turn, and the lines were measured in some half of it, nobody knows which:
+    The directions lie in order around a whole turn, and the lines were measured in some unknown half of it:
 
     1. μ and Σ are kept the same under half a turn of the image. Then no line differs from itself read backwards, any
        rotation or reflection of a solution is one too, and annealing finds the directions up to half a turn.

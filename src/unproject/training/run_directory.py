@@ -144,7 +144,7 @@ def check_same(path: Path, recipe: Recipe) -> None:
 
 
 def environment() -> dict[str, Any]:
-    """Versions, machine and command: what a reader needs to judge or repeat the run."""
+    """Return versions, machine and command: what is needed to assess or repeat the run."""
     packages = ("unproject", "torch", "numpy", "safetensors")
     return {
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
