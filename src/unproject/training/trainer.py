@@ -27,8 +27,7 @@ from .recipe import Recipe
 from .recorder import Recorder
 from .state import PanelState, State, latents_rng
 
-SLOW = 10.0
-"""Seconds of a step from which on a stop request is obeyed within it."""
+SLOW = 10.0  # seconds of a step from which on a stop request is obeyed within it
 
 
 class Interrupted(Exception):
