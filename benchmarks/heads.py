@@ -17,8 +17,8 @@ FEW, MANY, REPEATS = 4, 64, 16
 
 
 def run() -> dict[str, float]:
-    with tempfile.TemporaryDirectory() as folder:
-        trainers = {heads: trainer(heads, Path(folder)) for heads in (FEW, MANY)}
+    with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder), quiet=True) as recorder:
+        trainers = {heads: trainer(heads, Path(folder), recorder) for heads in (FEW, MANY)}
         seconds: dict[int, list[float]] = {FEW: [], MANY: []}
         for _ in range(REPEATS):
             for heads, one in trainers.items():
@@ -29,9 +29,9 @@ def run() -> dict[str, float]:
     return {"seconds_4_heads": few, "seconds_64_heads": many, "ratio": many / few}
 
 
-def trainer(heads: int, folder: Path) -> Trainer:
+def trainer(heads: int, folder: Path, recorder: Recorder) -> Trainer:
     recipe = shapes(views="known", bins=heads, views_per_shape=4, steps=10_000)
-    return Trainer(recipe, folder, Recorder(folder, quiet=True), distribution=Distribution("cpu"))
+    return Trainer(recipe, folder, recorder, distribution=Distribution("cpu"))
 
 
 if __name__ == "__main__":

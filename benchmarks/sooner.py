@@ -36,9 +36,9 @@ def seconds_to(target: float, recipe: Recipe, longest: float) -> tuple[float, bo
     """(seconds of training, whether the target was reached)."""
     reference = chairs(100, 32, seed=1)
     trained, due = 0.0, CHECK
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder), quiet=True) as recorder:
         never = recipe.replace(checkpoint_every=10**9)
-        one = Trainer(never, Path(folder), Recorder(Path(folder), quiet=True), distribution=Distribution("cpu"))
+        one = Trainer(never, Path(folder), recorder, distribution=Distribution("cpu"))
         while trained < longest:
             start = time.monotonic()
             one.step()

@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+from unproject.training.recorder import Recorder
+
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 NAMES = sorted(path.stem for path in BENCHMARKS.glob("*.py") if path.stem != "mitsuba_speed")
 """All but a script that another one starts as a process of its own."""
@@ -42,8 +44,9 @@ def test_a_benchmark_imports_and_explains_itself(
 
 
 def test_heads_take_a_step(named: object, tmp_path: Path) -> None:
-    trainer = named("heads").trainer(4, tmp_path)  # type: ignore[operator]
-    trainer.step()
+    with Recorder(tmp_path, quiet=True) as recorder:
+        trainer = named("heads").trainer(4, tmp_path, recorder)  # type: ignore[operator]
+        trainer.step()
     assert trainer.state.counters.step == 1
 
 

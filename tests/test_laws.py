@@ -498,7 +498,7 @@ def test_a_generator_of_another_range() -> None:
 
 
 def test_laws_want_a_part() -> None:
-    with pytest.raises(UserError, match="give one of those"):
+    with pytest.raises(UserError, match="give one of these"):
         run_laws(3)
 
 

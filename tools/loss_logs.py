@@ -22,7 +22,7 @@ from pathlib import Path
 
 STEPS, SEEDS = 60, (0, 1)
 NARROW = "--discriminator-channels 16"
-NARROW_SHAPES = f"--no-binary --size 32 --channels 32 {NARROW} --batch 8 --predictor-steps 60 --predictor-images 512"
+NARROW_SHAPES = f"--size 32 --channels 32 {NARROW} --batch 8 --predictor-steps 60 --predictor-images 512"
 NARROW_MATERIALS = f"--channels 128 {NARROW} --batch 16 --samples 8"
 ARMS = {
     "shapes": "shapes --rounds 2",

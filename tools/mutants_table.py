@@ -1437,7 +1437,6 @@ CHOICES = (
             ("another loss", 'loss=Wasserstein() if loss == "wasserstein"', 'loss=Hinge() if loss == "wasserstein"'),
             ("one discriminator update a generator update", "discriminator_steps=2", "discriminator_steps=1"),
             ("fewer channels", "channels: int = 512", "channels: int = 256"),
-            ("soft silhouettes", "binary: bool = True", "binary: bool = not True"),
         )
     ),
     *(

@@ -51,9 +51,10 @@ def test_wgan_gp_with_the_released_rates(function: Callable[..., Recipe]) -> Non
     assert recipe.augmentation is None and recipe.regulariser is None and recipe.precision == "float32"
 
 
-def test_rendered_silhouettes_are_binary() -> None:
-    images = made(shapes_paper, size=16).panels[0].collections[0].floats()
-    assert bool(((images == 0) | (images == 1)).all())
+@pytest.mark.parametrize("binary", [True, False])
+def test_rendered_silhouettes_are_soft_unless_asked_for(binary: bool) -> None:
+    images = made(shapes_paper, size=16, **({"binary": True} if binary else {})).panels[0].collections[0].floats()
+    assert bool(((images == 0) | (images == 1)).all()) == binary
 
 
 def test_the_hinge_loss_has_no_gradient_penalty() -> None:

@@ -116,7 +116,7 @@ def shapes_paper(
     bins: int = 16,
     bands: int = 1,
     views_per_shape: int = 16,
-    binary: bool = True,
+    binary: bool = False,
     seed: int = 0,
     channels: int = 512,
     discriminator_channels: int = 64,

@@ -32,10 +32,10 @@ PAPER_RECIPES = (
 """Of all recipes NAME-paper."""
 
 PAPER_SHAPES = (
-    "Soft generated silhouettes: the paper's discriminators take binary images, and rendered training silhouettes are "
-    "cut at one half here too. Generated ones are soft, as gradients need, so that the values of their edges alone "
-    "could distinguish them. The view predictor gets both cut at one half. This project's own recipe renders soft "
-    "training silhouettes.",
+    "Soft silhouettes: the paper's discriminators take binary images. Here rendered training silhouettes are soft, "
+    "values in [0, 1], unless --binary is given: generated silhouettes are soft, as gradients need, and binary "
+    "training images could be distinguished from them by the values of their edges alone. The view predictor gets both "
+    "cut at one half.",
     "No probability: the paper's discriminator puts out a probability. Here it puts out a real number without a "
     "sigmoid, as the Wasserstein loss of the released code needs.",
     "The view predictor has 32 channels after its first convolution, as the released code has it, not the "

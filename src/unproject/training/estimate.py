@@ -105,8 +105,9 @@ def estimate(recipe: Recipe, device: torch.device) -> Estimate:
     trial = Trial(recipe, device, None if there is None else there // 2)
     samples = max(recipe.batch // recipe.views_per_sample, 1)
     few, seconds = trial.measured(trial.step, FEW)
+    fixed = MODULES + 4 * trial.weights
     if trial.full:
-        return Estimate(few * samples // FEW, seconds * samples / FEW)
+        return Estimate(fixed + few * samples // FEW, seconds * samples / FEW)
     more, seconds = trial.measured(trial.step, MORE)
     step = few + max(more - few, 0) * (samples - FEW) // (MORE - FEW)
     if seconds * samples > 10:  # counting takes time
@@ -118,7 +119,7 @@ def estimate(recipe: Recipe, device: torch.device) -> Estimate:
     images = MORE * recipe.views_per_sample
     projected = trial.measured(trial.project, MORE)[0] * at_once // images if at_once else 0
     seconds *= recipe.discriminator_steps * samples / MORE
-    return Estimate(MODULES + 4 * trial.weights + step + max(drawn, projected), seconds)
+    return Estimate(fixed + step + max(drawn, projected), seconds)
 
 
 class Trial:
