@@ -1,8 +1,8 @@
-"""Real photographs: 3-D birds from cut-out masks whose views nobody knows.
+"""Real photographs: 3-D birds from cut-out masks of unknown views.
 
     python benchmarks/birds.py --data MASKS.npz --minutes 20 --out docs/results/birds
 
-Leaves shapes.png (new shapes from four azimuths), views.png (the masks grouped by the view they were assigned) and
+Leaves shapes.webp (new shapes from four azimuths), views.webp (the masks grouped by the view they were assigned) and
 birds.json (scores of the silhouettes, seconds, machine).
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -17,14 +18,12 @@ import torch
 
 from unproject import export
 from unproject.data import read
-from unproject.recipes import origin
 from unproject.recipes.shapes import shapes
-from unproject.reproduce.running import EACH, grouped
+from unproject.reproduce.scoring import COLUMNS, grouped
 from unproject.training import load, train
-from unproject.training.evaluation import assigned_panel, evaluate
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--minutes", type=float, default=20)
@@ -34,24 +33,22 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--runs", type=Path, default=Path("runs/birds"))
     parser.add_argument("--out", type=Path, default=Path("docs/results/birds"))
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     torch.set_num_threads(options.threads)
     budget = {"minutes": options.minutes, "seed": options.seed}
     # At 64³ a round costs as much as ten steps.
     how = {"flips": True, "balance": options.balance, "rounds": 12, "batch": 24}
-    arguments = {"data": options.data, "size": options.size, **how, **budget}
-    recipe = shapes(**arguments)
+    recipe = shapes(data=options.data, size=options.size, **how, **budget)
     if not (options.runs / "recipe.json").exists():
-        train(recipe, options.runs, origin=origin("shapes", arguments), quiet=True)
+        train(recipe, options.runs, quiet=True)
     run = load(options.runs)
-    panel = assigned_panel(run, recipe)
+    (state,) = run.assignments(recipe)
+    images, bins = state.panel.collections[0].floats(), len(state.panel.observations)
     options.out.mkdir(parents=True, exist_ok=True)
-    export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.png", size=128)
-    export.silhouette_sheet(
-        grouped(panel.items, panel.ways, len(panel.observations)), options.out / "views.png", columns=EACH
-    )
+    export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.webp", size=128)
+    export.silhouette_sheet(grouped(images, state.views, bins), options.out / "views.webp", columns=COLUMNS)
     masks = read(options.data, size=options.size)
-    scores = evaluate(run, recipe, masks, n=len(masks), seed=options.seed)
+    scores = run.evaluate(masks, n=len(masks), seed=options.seed, recipe=recipe)
     about = {
         "seed": options.seed,
         "steps": run.step,

@@ -5,7 +5,7 @@
 Every arm is `unproject train digits` with one flag changed and the same wall clock. Each is scored with 10000 images
 against the 10000 test images, on the features of the digit classifier, and so are 10000 training images. The gauge of
 the arms that do not know the directions is chosen on training images. Arms that are finished are not computed again:
-docs/results/digits/ARM-SEED.json. figure.png there is the seed's Fig. 12: data, Known, Predicted.
+docs/results/digits/ARM-SEED.json. figure.webp there is the seed's Fig. 12: data, Known, Predicted.
 """
 
 from __future__ import annotations
@@ -25,13 +25,11 @@ from PIL import Image, ImageDraw, ImageFont
 from results import write
 from torch import Tensor
 
-from unproject.data import read_images
+from unproject.data import Collection
 from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
-from unproject.recipes import rebuild
-from unproject.reproduce.kept import made_by
-from unproject.training import Origin, load
-from unproject.training.evaluation import assigned_accuracy, assigned_panel, free_turns, supervised_ceiling, true_views
-from unproject.training.run_directory import read_recipe
+from unproject.reproduce.result import provenance
+from unproject.training import load
+from unproject.training.evaluation import accuracy_of, supervised_ceiling, true_views, turns_of
 
 ARMS = ("known", "predicted", "direct")
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "digits"
@@ -54,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with ThreadPoolExecutor(options.parallel) as pool:
         for _ in pool.map(lambda job: train(*job, options), jobs):
             pass
-    training, test = (read_images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).items for part in PARTS)
+    training, test = (Collection.images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in PARTS)
     for arm, seed in jobs:
         score(arm, seed, options, training, test)
     if not result("training-set", 0).exists():
@@ -86,18 +84,17 @@ def train(arm: str, seed: int, options: argparse.Namespace) -> None:
 
 def score(arm: str, seed: int, options: argparse.Namespace, training: Tensor, test: Tensor) -> None:
     run = load(options.runs / f"{arm}-{seed}")
-    stored = read_recipe(run.path)
-    recipe = rebuild(Origin(stored["recipe"], stored["arguments"]))
-    panel = assigned_panel(run, recipe)
-    turns = free_turns(recipe, panel)
+    recipe = run.recipe()
+    (state,) = run.assignments(recipe)
+    turns = turns_of(run.domain, [state])
     generated = run.generator.sample(SCORED, seed)
     scores = image_scores(generated, test, selection=training, bins=turns and turns * FINER, seed=seed)
-    true = true_views(recipe, panel)
+    true = true_views(state.panel)
     if arm == "predicted" and true is not None:
-        found = assigned_accuracy(panel, panel.ways, true)
-        scores |= view_scores(found, supervised_ceiling(panel, true, recipe.seed), seed)
-        confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.png")
-    about = {"arm": arm, "seed": seed, "steps": run.step} | made_by(run.path)
+        found = accuracy_of(run.domain, state.panel, state.views, true)
+        scores |= view_scores(found, supervised_ceiling(run.domain, state.panel, true, recipe.seed), seed)
+        confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.webp")
+    about = {"arm": arm, "seed": seed, "steps": run.step} | provenance(run.path)
     write(result(arm, seed), {**about, "scores": as_dict(scores)})
 
 
@@ -119,7 +116,7 @@ def figure(test: Tensor, options: argparse.Namespace) -> None:
         picture = Image.fromarray((grid * 255).byte().numpy()).resize((width, height))
         sheet.paste(picture, (k * (width + 16), top))
         draw.text((k * (width + 16), 2), name, 0, ImageFont.load_default(16))
-    sheet.save(RESULTS / "figure.png")
+    sheet.save(RESULTS / "figure.webp")
 
 
 def gauge_of(arm: str) -> Gauge:

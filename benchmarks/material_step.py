@@ -28,9 +28,9 @@ import unproject as up
 from unproject.ops.maps import MAPS
 from unproject.projections.rendering import Rendering
 from unproject.recipes.materials import wood_materials
-from unproject.training.loop import Loop
+from unproject.training.trainer import Trainer
 
-PARTS = {"_generate": "generator", "_batch": "looking", "_update_discriminators": "discriminators' update"}
+PARTS = {"_generate": "generator", "_batch": "projection", "_update_discriminators": "discriminators' update"}
 WARM = 3  # steps before the first that counts
 
 
@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--size", type=int, default=64)
     options = parser.parse_args(argv)
     torch.set_num_threads(options.threads)
-    print("| renderings | step | generator | looking | discriminators' update | rendering, both ways | its share |")
+    print("| renderings | step | generator | projection | discriminators' update | rendering, both ways | its share |")
     print("|---" * 7 + "|")
     for renderings in (("top", "grazing"), ("flash", "coloured"), ("flash", "coloured", "ambient")):
         found = {name: median(values[WARM:]) for name, values in profile(renderings, options).items()}
@@ -73,11 +73,11 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def profile(renderings: tuple[str, ...], options: argparse.Namespace) -> dict[str, list[float]]:
     clock = Clock()
-    forward, advance = Rendering.forward, Loop.advance
+    forward, advance = Rendering.forward, Trainer.step
 
-    def step(loop: Loop) -> None:
+    def step(trainer: Trainer) -> None:
         began = time.perf_counter()
-        advance(loop)
+        advance(trainer)
         clock.close(time.perf_counter() - began)
 
     def render(self: Rendering, maps: Tensor, **latents: Tensor) -> Tensor:
@@ -87,12 +87,14 @@ def profile(renderings: tuple[str, ...], options: argparse.Namespace) -> dict[st
         clock.now["rendering"] += time.perf_counter() - began
         return _timed_back(clock, there, seen)
 
-    recipe = wood_materials(looks=(*MAPS, *renderings), maps=64, renderings=64, size=options.size, steps=options.steps)
+    recipe = wood_materials(
+        observations=(*MAPS, *renderings), maps=64, renderings=64, size=options.size, steps=options.steps
+    )
     with ExitStack() as stack:
-        stack.enter_context(patch.object(Loop, "advance", step))
+        stack.enter_context(patch.object(Trainer, "step", step))
         stack.enter_context(patch.object(Rendering, "forward", render))
         for name, part in PARTS.items():
-            stack.enter_context(patch.object(Loop, name, clock.timed(getattr(Loop, name), part)))
+            stack.enter_context(patch.object(Trainer, name, clock.timed(getattr(Trainer, name), part)))
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         up.train(recipe, out=Path(folder) / "run", quiet=True)
     return clock.steps

@@ -15,11 +15,10 @@ from pathlib import Path
 from unproject.data import chairs
 from unproject.metrics import minimum_matching_distance, one_minus_iou
 from unproject.recipes.shapes import shapes, shapes_paper
+from unproject.training import Recipe
 from unproject.training.distribution import Distribution
-from unproject.training.loop import Loop
-from unproject.training.recipe import Recipe
 from unproject.training.recorder import Recorder
-from unproject.training.state import State
+from unproject.training.trainer import Trainer
 
 TARGET, LIMIT, LONGEST, CHECK = 0.55, 5.5, 300.0, 10.0
 
@@ -37,13 +36,12 @@ def seconds_to(target: float, recipe: Recipe, longest: float) -> tuple[float, bo
     """(seconds of training, whether the target was reached)."""
     reference = chairs(100, 32, seed=1)
     trained, due = 0.0, CHECK
-    with tempfile.TemporaryDirectory() as folder:
-        one = Loop(recipe, Path(folder), State(recipe, Distribution("cpu").device), Distribution("cpu"))
-        one.recorder = Recorder(Path(folder), 0, quiet=True)
-        one.recipe = recipe.replace(checkpoint_every=10**9)
+    with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder), quiet=True) as recorder:
+        never = recipe.replace(checkpoint_every=10**9)
+        one = Trainer(never, Path(folder), recorder, distribution=Distribution("cpu"))
         while trained < longest:
             start = time.monotonic()
-            one.advance()
+            one.step()
             trained += time.monotonic() - start
             if trained >= due:
                 due = trained + CHECK

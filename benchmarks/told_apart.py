@@ -3,8 +3,8 @@
     python benchmarks/told_apart.py --n 300
 
 Each material keeps its maps, and one of them, or each, is taken from another: all pictures of single maps stay as they
-were, and so every difference in photographs is one of how maps go together. A way of looking in which both sets look
-the same cannot teach a generator that, whatever the network. Distances of N photographs to N of other true materials:
+were, and so every difference in photographs is one of how maps go together. An observation in which both sets look the
+same cannot teach a generator that, whatever the network. Distances of N photographs to N of other true materials:
 patches (`metrics.patch_distance`), beside that of true materials, below which nothing can be told. Writes
 docs/results/materials/told-apart.json.
 
@@ -27,7 +27,8 @@ from torch import Tensor
 from unproject.data import observe
 from unproject.metrics import patch_distance
 from unproject.ops.maps import MAPS, luminance, pack_maps, unpack_maps
-from unproject.recipes.materials import SEEN_FROM, WORLDS, natural_light, way_of
+from unproject.recipes.material_panels import VIEWED_FROM, natural_light, observation_of
+from unproject.recipes.materials import PROCEDURAL
 from unproject.training.run_directory import environment
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "materials"
@@ -38,38 +39,42 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=300)
     parser.add_argument("--signs", action="store_true")
-    parser.add_argument("--worlds", nargs="*", default=[*WORLDS])
+    parser.add_argument("--sets", nargs="*", default=[*PROCEDURAL])
     options = parser.parse_args(argv)
     if options.signs:
         cases, name = turned, "telling-signs"
     else:
         cases, name = exchanges, "told-apart"
     about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
-    light = natural_light([*SEEN_FROM], None)
+    light = natural_light([*VIEWED_FROM], None)
     table = {
-        world: {look: told_apart(world, look, light, options.n, cases) for look in SEEN_FROM}
-        for world in options.worlds
+        made: {seen: told_apart(made, seen, light, options.n, cases) for seen in VIEWED_FROM} for made in options.sets
     }
     write(RESULTS / f"{name}.json", about | {"distances": table})
     columns = list(next(iter(next(iter(table.values())).values())))
-    print("| world | seen | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 2) + "|")
-    for world, rows in table.items():
-        for look, row in rows.items():
-            print(f"| {world} | {look} | " + " | ".join(f"{row[c]:.3f}" for c in columns) + " |")
+    print("| data set | observation | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 2) + "|")
+    for made, rows in table.items():
+        for seen, row in rows.items():
+            print(f"| {made} | {seen} | " + " | ".join(f"{row[c]:.3f}" for c in columns) + " |")
 
 
 Maps = dict[str, Tensor]
 Cases = Callable[[Maps], dict[str, Tensor]]
 
 
-def told_apart(world: str, look: str, light: Tensor | None, n: int, cases: Cases) -> dict[str, float]:
-    """Patch distance of photographs of materials in each case to photographs of other materials as they are."""
-    way = way_of(look, light, SAMPLES)
-    truth = observe(WORLDS[world](n, SIZE, HERE), [way], seed=0).items
-    maps = unpack_maps(WORLDS[world](n, SIZE, ELSEWHERE))
+def told_apart(made: str, seen: str, light: Tensor | None, n: int, cases: Cases) -> dict[str, float]:
+    """Return the patch distance of photographs of materials in each case to those of other materials as they are.
+
+    Args:
+        made: name of a procedural data set.
+        seen: name of an observation.
+    """
+    observation = observation_of(seen, light, SAMPLES)
+    truth = observe(PROCEDURAL[made](n, SIZE, HERE), [observation], seed=0).items
+    maps = unpack_maps(PROCEDURAL[made](n, SIZE, ELSEWHERE))
     # The same draws of lights and views for all of them: they differ in the maps alone.
-    seen = {name: observe(changed, [way], seed=1).items for name, changed in cases(maps).items()}
-    return {name: round(patch_distance(pictures, truth).mean, 4) for name, pictures in seen.items()}
+    pictures = {name: observe(changed, [observation], seed=1).items for name, changed in cases(maps).items()}
+    return {name: round(patch_distance(found, truth).mean, 4) for name, found in pictures.items()}
 
 
 def exchanges(maps: Maps) -> dict[str, Tensor]:

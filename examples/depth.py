@@ -1,4 +1,4 @@
-"""A projection of your own: learn chairs from depth images taken from nobody knows where.
+"""A projection of your own: learn chairs from depth images whose azimuth is unknown.
 
 unproject check examples/depth.py:depth
 unproject train examples/depth.py:scans --minutes 5 --out runs/scans
@@ -22,14 +22,11 @@ class Depth(up.Projection):
 depth = up.Observation("depth", Depth(), up.Uniform("azimuth", 0, 2 * math.pi))
 
 
-def scans(*, steps: int = 1000, minutes: float | None = None, seed: int = 0) -> up.Recipe:
-    """Chairs from depth images of unknown azimuth, one discriminator.
+def scans(*, seed: int = 0) -> up.Recipe:
+    """Chairs from depth images of unknown azimuth, with one discriminator head.
 
     Args:
-        steps: budget in steps.
-        minutes: budget in minutes.
         seed: of everything random.
     """
-    images = observe(chairs(500), [depth], each=4)
-    generator = partial(LowRankGenerator, size=32)
-    return up.Recipe(generator, looks=[(depth, images)], steps=steps, minutes=minutes, seed=seed)
+    panel = up.Panel([depth], observe(chairs(500), [depth], each=4))
+    return up.Recipe(partial(LowRankGenerator, size=32), [panel], steps=1000, seed=seed)

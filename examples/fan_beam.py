@@ -10,10 +10,10 @@ import torch
 import torch.nn.functional as F
 
 import unproject as up
+from unproject.assignment import by_view
 from unproject.data import digits as images
 from unproject.data import observe
 from unproject.recipes.digits import digits
-from unproject.recipes.pairing import pair
 
 
 class FanBeam(up.Projection):
@@ -29,9 +29,9 @@ class FanBeam(up.Projection):
         return F.grid_sample(x, torch.stack([right, -up_], -1), align_corners=False).mean(3) * math.sqrt(2)
 
 
-def scanner(*, steps: int = 3000, minutes: float | None = None, seed: int = 0) -> up.Recipe:
-    """The recipe `digits` with this scanner at twelve known positions around; the budget is in steps or minutes."""
-    positions = up.Bins("angle", 12).parts
-    ways = [up.Observation(f"source-{k}", FanBeam(), position) for k, position in enumerate(positions)]
-    looks = pair("known", ways, observe(images(32), ways, each=4, chunk=500))
-    return digits(steps=steps, minutes=minutes, seed=seed, batch=64).replace(looks=looks)
+def scanner(*, seed: int = 0, steps: int = 3000) -> up.Recipe:
+    """The recipe `digits` with this scanner at twelve known positions around: one discriminator with twelve heads."""
+    scan, positions = FanBeam(), up.Bins("angle", 12).parts  # one projection, which all observations share
+    observations = [up.Observation(f"source-{k}", scan, position) for k, position in enumerate(positions)]
+    lines = observe(images(32), observations, each=4, chunk=500)
+    return digits(seed=seed, steps=steps, batch=64).replace(panels=[up.Panel(*by_view(lines, observations))])

@@ -22,8 +22,8 @@ import torch
 from safetensors.torch import save_file
 
 from unproject.cli import main
-from unproject.training import checkpoint, load, run_directory
-from unproject.training.recipe import Recipe
+from unproject.training import Recipe, checkpoint, load
+from unproject.training.description import describe
 
 TOY = Path(__file__).parent / "training" / "toy.py"
 TRAIN = ["train", f"{TOY}:toy", "--views", "known", "--steps", "4", "--checkpoint-every", "2", "--quiet"]
@@ -219,7 +219,7 @@ def test_the_advice_for_a_damaged_checkpoint_works(run: Path) -> None:
         lambda t: {k: v for k, v in t.items() if not k.startswith("panels/")},
         lambda t: {k: v for k, v in t.items() if not k.startswith("generator/")},
         lambda t: {**t, "generator/bias": torch.zeros(3)},
-        lambda t: {**t, "panels/0/ways": torch.zeros(3, dtype=torch.int64)},
+        lambda t: {**t, "panels/0/assignment/views": torch.zeros(3, dtype=torch.int64)},
     ],
 )
 def test_a_checkpoint_of_another_run(run: Path, refused: Callable[..., str], change: Callable[..., Any]) -> None:
@@ -281,6 +281,11 @@ def generator(call: Any, positional: Any = (), **arguments: Any) -> dict[str, An
     return {"generator": {"call": call, "positional": positional, "arguments": arguments}}
 
 
+def domain(described: Any) -> dict[str, Any]:
+    """A good generator, and a domain."""
+    return {**generator("unproject.networks:LowRankGenerator", [], size=16), "domain": described}
+
+
 HOSTILE = {
     "os:system": generator("os:system", ["touch exploded"]),
     "another module": generator("antigravity:fly"),
@@ -300,6 +305,14 @@ HOSTILE = {
     "number": generator(3),
     "no generator": {},
     "not even that": {"generator": "unproject"},
+    "os:system as a domain": domain({"type": "os:system", "command": "touch exploded"}),
+    "a domain through ours": domain(
+        {"type": "unproject.training.run_directory:subprocess.getoutput", "cmd": "touch exploded"}
+    ),
+    "not a domain": domain({"type": "unproject.networks:LowRankGenerator"}),
+    "a domain of nothing": domain({"type": ""}),
+    "no domain": domain(3),
+    "a domain's wrong argument": domain({"type": "unproject.domains.maps:Maps", "colour": 3}),
 }
 
 
@@ -324,10 +337,10 @@ def test_a_recipe_from_outside_needs_trust(
 ) -> None:
     monkeypatch.chdir(run)
     Path("evil.py").write_text("open('exploded', 'w')")
-    rewrite(run, recipe=name, arguments={})
-    line = refused(verb, run)
-    assert "--trust" in line or "there is no recipe" in line
-    assert not Path("exploded").exists()
+    for function in (name, f"{TOY}:toy", "unproject.training.run_directory:subprocess.getoutput"):
+        rewrite(run, recipe=name, function=function, arguments={"cmd": "touch exploded"})
+        assert "--trust" in refused(verb, run)
+        assert not Path("exploded").exists()
 
 
 def test_a_generator_from_outside_needs_trust(tmp_path: Path, refused: Callable[..., str]) -> None:
@@ -351,8 +364,8 @@ def test_a_generator_in_a_file_is_found_by_another_process_in_another_folder(
 
 
 def test_an_argument_that_the_recipe_does_not_take(run: Path, refused: Callable[..., str]) -> None:
-    rewrite(run, recipe="shapes", arguments={"steps": 4, "sizes": 3})
-    assert "no longer takes sizes" in refused("resume", run)
+    rewrite(run, recipe="shapes", function="unproject.recipes.shapes:shapes", arguments={"steps": 4, "sizes": 3})
+    assert "does not take sizes" in refused("resume", run)
 
 
 def test_data_that_changed_is_refused_by_the_field(tmp_path: Path, refused: Callable[..., str]) -> None:
@@ -364,21 +377,21 @@ def test_data_that_changed_is_refused_by_the_field(tmp_path: Path, refused: Call
     assert resume(run) == 0
     images[3, 0, 2] = 1
     np.savez(data, image=images, azimuth=np.zeros(8, np.float32))
-    assert "looks differs" in refused("resume", run, "--trust", "--quiet")
+    assert "panels differs" in refused("resume", run, "--trust", "--quiet")
     data.unlink()
     assert str(data) in refused("resume", run, "--trust", "--quiet")
     assert load(run, trust=True).step == 4
 
 
 def test_a_run_from_python_is_resumed_from_python(run: Path, refused: Callable[..., str]) -> None:
-    rewrite(run, recipe="", arguments={})
+    rewrite(run, recipe="", function="", arguments={})
     for verb in ("resume", "evaluate"):
-        assert "started from Python" in refused(verb, run)
+        assert "built in Python" in refused(verb, run)
 
 
 def test_a_description_survives_json() -> None:
     from unproject._objects import find_object
 
     recipe: Recipe = find_object(f"{TOY}:toy")()
-    described = run_directory.describe(recipe)
+    described = describe(recipe)
     assert json.loads(json.dumps(described)) == described

@@ -10,7 +10,7 @@ import pytest
 
 from unproject.cli import VERBS
 
-HEAVY = ("torch", "numpy", "scipy", "PIL", "trimesh", "skimage", "lightning_fabric", "tensorboard", "rich", "tyro")
+HEAVY = ("torch", "numpy", "scipy", "PIL", "trimesh", "skimage", "tensorboard", "rich", "tyro")
 
 
 def modules_after(code: str) -> set[str]:
@@ -53,3 +53,7 @@ def test_a_verbs_help_needs_no_torch(verb: str) -> None:
 
 def test_heavy_modules_would_be_noticed() -> None:
     assert "numpy" in modules_after("import numpy")
+
+
+def test_a_surface_without_smoothing_does_without_trimesh() -> None:
+    assert "trimesh" not in modules_after("import unproject.ops.isosurface")

@@ -205,6 +205,13 @@ class Counted(Honest):
         return super().forward(x, azimuth=azimuth) + torch.arange(len(x)).to(x).view(-1, 1, 1)
 
 
+class Ordered(Honest):
+    """Right for each element alone and in the example, wrong in the reversed batch."""
+
+    def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
+        return super().forward(x, azimuth=azimuth) + (azimuth[0] > azimuth[-1]).to(x)
+
+
 class DividesByNothing(Honest):
     def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
         return super().forward(x, azimuth=azimuth) / x.sum((1, 2, 3)).view(-1, 1, 1)
@@ -259,6 +266,7 @@ PROJECTION_MUTANTS = [
     (Remembers, "state"),
     (Centred, "batched"),
     (Counted, "batched"),
+    (Ordered, "batched"),
     (DividesByNothing, "finite"),
     (LogarithmOfNothing, "finite"),
     (Detached, "differentiable"),
@@ -490,7 +498,7 @@ def test_a_generator_of_another_range() -> None:
 
 
 def test_laws_want_a_part() -> None:
-    with pytest.raises(UserError, match="give one of those"):
+    with pytest.raises(UserError, match="give one of these"):
         run_laws(3)
 
 

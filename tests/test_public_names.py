@@ -1,4 +1,4 @@
-"""The front door: few names, all of them there, each documented where it lives."""
+"""Public names: each is there, in one list, and documented where it lives."""
 
 from __future__ import annotations
 
@@ -11,9 +11,35 @@ import pytest
 import unproject
 from unproject.cli import VERBS
 
+PACKAGES = [name for name in unproject.__all__ if name.islower() and hasattr(getattr(unproject, name), "__all__")]
 
-def test_at_most_twenty_names() -> None:
-    assert len(unproject.__all__) == len(set(unproject.__all__)) <= 20
+
+def test_no_name_is_listed_twice() -> None:
+    assert len(unproject.__all__) == len(set(unproject.__all__))
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_a_package_lists_what_is_there_once(name: str) -> None:
+    package = getattr(unproject, name)
+    assert len(package.__all__) == len(set(package.__all__))
+    assert all(hasattr(package, public) for public in package.__all__)
+
+
+def test_a_name_means_the_same_everywhere() -> None:
+    """A class or function of the package that several lists name is one object."""
+    found: dict[str, set[int]] = {}
+    for package in (unproject, *(getattr(unproject, name) for name in PACKAGES)):
+        for name in package.__all__:
+            if isinstance(getattr(package, name), type):
+                found.setdefault(name, set()).add(id(getattr(package, name)))
+    assert [name for name, objects in found.items() if len(objects) > 1] == []
+
+
+def test_all_that_a_recipe_is_made_of_is_exported() -> None:
+    """Parameters of `Recipe` and `Panel` that are classes of ours can be written with `unproject.` names alone."""
+    wanted = {"Recipe", "Panel", "Adam", "R1R2", "GradientPenalty", "Relativistic", "Wasserstein", "Hinge", "Logistic"}
+    wanted |= {"Known", "Predicted", "LearnedPrior", "Unassigned", "Rounds", "PredictorFit", "Estimator", "Run"}
+    assert wanted <= set(unproject.__all__)
 
 
 @pytest.mark.parametrize("name", unproject.__all__)

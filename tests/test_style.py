@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "tests", "benchmarks", "docs", "examples")
 MODULES = sorted((ROOT / "src").rglob("*.py"))
-LONGEST_FUNCTION, LONGEST_MODULE, MOST_PARAMETERS = 60, 400, 9
+LONGEST_FUNCTION, LONGEST_MODULE, MOST_PARAMETERS = 50, 310, 9
 
 # Written in two pieces so that this file does not hold what it looks for.
 MACHINE_PATH = re.compile("|".join(["/wor" + "k/", "/ho" + "me/", "/ro" + "ot/", "/op" + "t/", "/Us" + "ers/"]))
@@ -81,7 +81,7 @@ def written() -> Iterator[Path]:
             hidden = {"node_modules", "__pycache__"} & set(path.parts) or ".egg-info" in str(path)
             if path.is_file() and path.suffix in kinds and not hidden:
                 yield path
-    yield from (path for path in ROOT.iterdir() if path.is_file() and path.suffix in kinds)
+    yield from (path for path in ROOT.iterdir() if path.is_file() and path.suffix in kinds and path.name != ".git")
 
 
 def test_no_path_of_a_machine() -> None:
@@ -92,8 +92,8 @@ def test_no_path_of_a_machine() -> None:
 def test_the_rules_catch_what_breaks_them() -> None:
     many = ", ".join(f"a{i}" for i in range(MOST_PARAMETERS + 1))
     body = "\n".join(["    x = 1"] * LONGEST_FUNCTION)
-    assert faults(f"def f({many}): pass") == ["f takes 10 parameters"]
-    assert faults(f"def f():\n{body}") == ["f has 61 lines"]
-    assert faults("\n" * (LONGEST_MODULE + 1)) == ["the module has 401 lines"]
+    assert faults(f"def f({many}): pass") == [f"f takes {MOST_PARAMETERS + 1} parameters"]
+    assert faults(f"def f():\n{body}") == [f"f has {LONGEST_FUNCTION + 1} lines"]
+    assert faults("\n" * (LONGEST_MODULE + 1)) == [f"the module has {LONGEST_MODULE + 1} lines"]
     assert faults('def f():\n    """' + "long\n" * 100 + '    """') == []
     assert MACHINE_PATH.search("see /wor" + "k/data")

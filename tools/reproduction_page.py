@@ -1,15 +1,15 @@
-"""Write docs/reproduction.md and the figures' pages beside the results that are kept there; nothing is trained.
+"""Write docs/reproduction.md and the figures' pages from the results stored beside them; nothing is trained.
 
     python tools/reproduction_page.py
 
-What is kept in docs/results/reproduction is what `unproject reproduce all --out docs/results/reproduction` left there.
+The results are those that `unproject reproduce all --out docs/results/reproduction` wrote.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from unproject.reproduce import FIGURES, Where, report_of, write, write_summary
+from unproject.reproduce import FIGURES, Settings, report_of, write, write_summary
 
 DOCS = Path(__file__).parent.parent / "docs"
 BUDGET = "cpu"
@@ -17,9 +17,9 @@ PAGES = f"results/reproduction/{BUDGET}/"
 
 
 def write_pages(docs: Path) -> None:
-    """All of them into a folder, from what is kept in the project's own."""
-    where = Where(Path("runs"), DOCS / PAGES / "results", None, BUDGET)
-    reports = [report_of(figure, where) for figure in FIGURES.values()]
+    """Write all pages to a folder, from the results in the project's docs."""
+    settings = Settings(Path("runs"), DOCS / PAGES / "results", None, BUDGET)
+    reports = [report_of(figure, settings) for figure in FIGURES.values()]
     for report in reports:
         write(report, docs / PAGES)
     write_summary(reports, docs / "reproduction.md", PAGES)

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from unproject._random import generator_at, seeded
 from unproject.data import digit_labels, digits
-from unproject.data.arrays import read_idx
+from unproject.data.readers.arrays import read_idx
 from unproject.metrics.digit_classifier import DigitClassifier
 
 BATCH, RATE = 256, 3e-3

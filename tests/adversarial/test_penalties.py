@@ -51,6 +51,25 @@ def test_a_discriminator_of_gradient_norm_one_is_not_penalised() -> None:
     assert penalise(R1R2(), w / w.norm()).item() == pytest.approx(4)
 
 
+@pytest.mark.parametrize("norm", [0.5, 2.0])
+def test_the_gradient_penalty_is_two_sided(norm: float) -> None:
+    w = weights().detach()
+    assert penalise(GradientPenalty(10.0), norm * w / w.norm()).item() == pytest.approx(10 * (norm - 1) ** 2)
+
+
+def test_the_gradient_penalty_is_on_interpolates_of_real_and_generated_images() -> None:
+    """D(y) = ½‖y‖² has the gradient y. From generated -e to real 3e it is t e, t uniform on [-1, 3]:
+
+    E (|t| - 1)² = ¼ (∫₋₁⁰ (t + 1)² dt + ∫₀³ (t - 1)² dt) = ¼ (1/3 + 3) = 5/6.
+
+    On real images alone it is 4, on generated ones alone 0.
+    """
+    e = torch.zeros(20_000, *SHAPE, dtype=torch.float64)
+    e[:, 0, 1, 2] = 1
+    value = GradientPenalty(1.0)(lambda y: y.square().flatten(1).sum(1) / 2, 3 * e, -e, rng())
+    assert value.item() == pytest.approx(5 / 6, abs=0.03)
+
+
 def test_gradient_norms_are_those_of_each_image() -> None:
     y = images(2)
     norms = squared_gradient_norms(lambda x: x.square().flatten(1).sum(1) / 2, y)
@@ -61,6 +80,17 @@ def test_r1_is_of_real_images_and_r2_of_generated_ones() -> None:
     value = R1R2(1.0, 1)(lambda y: y.square().flatten(1).sum(1) / 2, images(2), 2 + images(3), rng())
     expected = (images(2).square().sum() + (2 + images(3)).square().sum()) / 5 / 2
     torch.testing.assert_close(value, expected)
+
+
+def test_r1_r2_of_a_judge_that_knows_one_kind_only() -> None:
+    """D(y) = a max(0, s) + b min(0, s), s the sum of y, has the slope a on real images (s > 0), b on generated ones."""
+
+    def discriminator(y: Tensor) -> Tensor:
+        s = y.flatten(1).sum(1)
+        return 3 * s.clamp(min=0) + 5 * s.clamp(max=0)
+
+    value = R1R2(gamma=2.0, every=1)(discriminator, 1 + images(2), -1 - images(3), rng())
+    assert value.item() == pytest.approx(2 / 2 * 6 * (3**2 + 5**2))  # six pixels
 
 
 def interpolates(seed: int) -> Tensor:

@@ -41,7 +41,7 @@ def measured() -> tuple[Tensor, Tensor]:
     """Line integrals (1500, 1, 16) of the embedded digits, and their directions."""
     seen = observe(Collection(digits(SIZE)[:1500]), AROUND[:WAYS], 1, seed=3)
     assert seen.latents is not None
-    return seen.items, seen.latents["look"].long()
+    return seen.items, seen.latents["view"].long()
 
 
 def test_half_a_turn_takes_each_blob_to_its_opposite(ops: Tensor) -> None:
@@ -116,7 +116,7 @@ def test_even_images_do_not_tell_a_line_from_itself_backwards(ops: Tensor, measu
 def test_directions_of_digits_are_initialised() -> None:
     seen = observe(Collection(digits(32)[:1500]), AROUND[:WAYS], 1, seed=3)
     assert seen.latents is not None
-    items, true = seen.items, seen.latents["look"].long()
+    items, true = seen.items, seen.latents["view"].long()
     initialiser = GaussianInitialiser(lines=1000, annealed=120, free=20, heat=20.0)
     odds = initialiser(AROUND, items, seed=0)
     taken = odds.sum(0) > 0

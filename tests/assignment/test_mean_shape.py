@@ -34,7 +34,7 @@ def seen(make: Callable[..., Tensor], seed: int = 3) -> tuple[Tensor, Tensor]:
     """Silhouettes (600, 1, 16, 16) of a family's shapes, and their views."""
     collection = observe(Collection(make(200, 16, seed=seed)), AROUND, 3, seed)
     assert collection.latents is not None
-    return collection.items, collection.latents["look"].long()
+    return collection.items, collection.latents["view"].long()
 
 
 @pytest.mark.parametrize(

@@ -121,8 +121,9 @@ def test_weights_and_scales_are_positive(name: str, value: float) -> None:
 
 
 def test_rows_run_through_the_collections(silhouettes: Collection) -> None:
-    parts = by_view(silhouettes, VIEWS)
-    panel = Panel(VIEWS, parts)
+    seen, parts = by_view(silhouettes, VIEWS)
+    panel = Panel(seen, parts)
+    assert tuple(seen) == VIEWS and len(by_view(silhouettes.subset([0]), VIEWS)[0]) == 1
     assert len(panel) == len(silhouettes) == sum(map(len, parts))
     whole = torch.cat([part.items for part in parts])
     rows = torch.randperm(len(panel), generator=generator_at(0))
@@ -134,10 +135,10 @@ def test_rows_run_through_the_collections(silhouettes: Collection) -> None:
 
 def test_known_views_are_those_of_the_collections_or_of_the_latents(silhouettes: Collection) -> None:
     assert silhouettes.latents is not None
-    true = silhouettes.latents["look"].long()
+    true = silhouettes.latents["view"].long()
     shared = Known().begin(Panel(VIEWS, silhouettes), 0)
     assert torch.equal(shared.views, true) and torch.equal(shared.heads, true) and shared.fixes_gauge
-    apart = Known().begin(Panel(VIEWS, by_view(silhouettes, VIEWS)), 0)
+    apart = Known().begin(Panel(*by_view(silhouettes, VIEWS)), 0)
     assert torch.equal(apart.views, true.sort().values) and torch.equal(apart.heads, apart.views)
     alone = Known().begin(plan(), 0)
     assert alone.views.tolist() == [0] * 6 and not alone.fixes_gauge

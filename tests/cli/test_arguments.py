@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
+import torch
 
 from unproject._types import UserError
+from unproject.assignment import Panel
 from unproject.cli import _arguments
 from unproject.cli._arguments import HelpPrinted, bind, bind_recipe, find_recipe
+from unproject.data import Collection
+from unproject.networks import LowRankGenerator
+from unproject.projections.base import Identity
+from unproject.projections.observation import Observation
+from unproject.training import Options, Recipe
 
 
 def sample(
@@ -24,7 +32,7 @@ def sample(
     mirror: bool = True,
     mode: Literal["known", "predicted"] = "known",
 ) -> tuple:
-    """Draw things.
+    """Draw samples.
 
     Args:
         run: Where the run is.
@@ -72,57 +80,75 @@ def test_help_is_the_docstring(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(HelpPrinted):
         call("--help")
     text = " ".join(capsys.readouterr().out.split())
-    assert "usage: unproject sample" in text and "Draw things." in text
+    assert "usage: unproject sample" in text and "Draw samples." in text
     assert "Where the run is." in text and "How many, in all. (default: 16)" in text
 
 
-def recipe_of(size: int = 32, lr=1e-4, steps: int = 2000, *, smooth: bool = True, generator: object = None) -> dict:
+def recipe_of(size: int = 16, lr=1e-4, steps: int = 2000, *, smooth: bool = True, generator: object = None) -> Recipe:
     """A recipe of this test.
 
     Args:
         size: Edge of the volume.
     """
-    return dict(size=size, lr=lr, steps=steps, smooth=smooth, generator=generator)
+    made.append(dict(size=size, lr=lr, steps=steps, smooth=smooth, generator=generator))
+    panel = Panel([Observation("volume", Identity())], Collection(torch.zeros(2, 8, 8, 8)))
+    return Recipe(partial(LowRankGenerator, size=8), [panel], steps=steps)
 
 
-def train(recipe: dict, origin: object, /, *, seed: int = 0, steps: int | None = None) -> tuple:
+made: list[dict[str, Any]] = []
+
+
+def train(recipe: Recipe, /, *, device: str = "cpu") -> tuple[Recipe, str]:
     """Train.
 
     Args:
-        seed: Where randomness starts.
+        device: Where to compute.
     """
-    return recipe, origin, seed, steps
+    return recipe, device
 
 
 @pytest.fixture
 def birds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_arguments, "find_recipe", lambda name: recipe_of)
-    monkeypatch.setattr("unproject.recipes.origin", lambda name, flags: (name, flags))
+    made.clear()
 
 
 @pytest.mark.usefixtures("birds")
 def test_a_recipes_parameters_are_flags() -> None:
-    recipe, origin, seed, steps = bind_recipe(
-        "train", ["birds", "--size", "64", "--lr=1", "--no-smooth", "--seed", "3"], train
-    )()
-    assert recipe == dict(size=64, lr=1.0, steps=2000, smooth=False, generator=None)
-    assert (seed, steps) == (3, 2000)
-    assert origin == ("birds", dict(size=64, lr=1.0, steps=2000, smooth=False))
+    flags = ["--size", "64", "--lr=1", "--no-smooth", "--device", "cuda"]
+    recipe, device = bind_recipe("train", ["birds", *flags], train)()
+    own = dict(size=64, lr=1.0, steps=2000, smooth=False)
+    assert made == [own | {"generator": None}] and device == "cuda"
+    assert recipe.origin is not None and recipe.origin.recipe == "birds" and recipe.origin.arguments == own
 
 
 @pytest.mark.usefixtures("birds")
-def test_a_shared_flag_reaches_both() -> None:
-    recipe, _, _, steps = bind_recipe("train", ["birds", "--steps", "7"], train)()
-    assert recipe["steps"] == steps == 7
+def test_options_of_every_recipe_are_flags_of_one_that_takes_none() -> None:
+    """A recipe function of a user's own need not know them."""
+    flags = ["--steps", "7", "--batch", "12", "--seed", "3", "--compile", "--precision", "bfloat16"]
+    recipe, _ = bind_recipe("train", ["birds", *flags, "--ema-half-life", "9"], train)()
+    assert made[0]["steps"] == recipe.steps == 7
+    assert (recipe.batch, recipe.seed, recipe.compile, recipe.precision) == (12, 3, True, "bfloat16")
+    assert recipe.ema_half_life == 9.0 and recipe.origin is not None
+    given = {"batch": 12, "seed": 3, "compile": True, "precision": "bfloat16", "ema_half_life": 9.0}
+    assert given.items() <= recipe.origin.arguments.items()
+    zero, _ = bind_recipe("train", ["birds", "--ema-half-life", "0", "--balance-every", "0"], train)()
+    assert (
+        zero.origin is not None and {"ema_half_life": 0.0, "balance_every": 0}.items() <= zero.origin.arguments.items()
+    )
+    assert zero.ema_half_life == 0.0
+    by_clock, _ = bind_recipe("train", ["birds", "--minutes", "2"], train)()
+    assert (by_clock.steps, by_clock.minutes) == (None, 2.0)
 
 
 @pytest.mark.usefixtures("birds")
 def test_recipe_help_shows_both(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(HelpPrinted):
         bind_recipe("train", ["birds", "--help"], train)
-    text = capsys.readouterr().out
-    assert "Edge of the volume." in text and "Where randomness starts." in text
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Edge of the volume." in text and "Where to compute." in text
     assert "--generator" not in text
+    assert all(f"--{name.replace('_', '-')}" in text for name in (*Options.__annotations__, "seed"))
 
 
 @pytest.mark.usefixtures("birds")
@@ -134,7 +160,7 @@ def test_a_misspelt_recipe_flag() -> None:
 def test_help_without_a_recipe(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(HelpPrinted):
         bind_recipe("train", ["--help"], train)
-    assert "--seed" in capsys.readouterr().out
+    assert "--device" in capsys.readouterr().out
 
 
 def test_no_recipe() -> None:

@@ -76,7 +76,7 @@ def test_json(parts: str, name: str, status: int, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     "name, said",
     [
-        ("number", "give one of those"),
+        ("number", "give one of these"),
         ("Takes", "missing 1 required positional argument"),
         ("broken", "no dice"),
         ("deph", "Perhaps you meant 'depth'"),

@@ -51,7 +51,7 @@ def test_a_run_is_scored(run: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     status = main([*arguments, "--reference", str(tmp_path / "lines.npz")])
     if run.parent.name[:-1] == "direct":  # which sees no lines
         error = capsys.readouterr().err
-        assert status == 2 and error.startswith("unproject: references are of shape") and error.count("\n") == 1
+        assert status == 2 and error.startswith("unproject: the references are of shape") and error.count("\n") == 1
     else:
         assert status == 0 and "kernel_line" in json.loads(capsys.readouterr().out)
 

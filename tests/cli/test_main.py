@@ -1,4 +1,4 @@
-"""The command's manners: exit statuses, and exactly one line for every mistake a user can mend."""
+"""The command's manners: exit statuses, and exactly one line for every user error."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_users_mistake_is_one_line(verb, capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.parametrize(
-    "number, mend",
+    "number, fix",
     [
         (errno.ENOSPC, "free some space"),
         (errno.EACCES, "change its permissions"),
@@ -90,11 +90,11 @@ def test_a_users_mistake_is_one_line(verb, capsys: pytest.CaptureFixture[str]) -
         (errno.ENODEV, "try again"),
     ],
 )
-def test_the_systems_refusal_is_one_line(verb, number: int, mend: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_systems_refusal_is_one_line(verb, number: int, fix: str, capsys: pytest.CaptureFixture[str]) -> None:
     verb(raising(OSError(number, "No such luck", "runs/a")))
     assert cli.main(["try"]) == 2
     line = one_line(capsys)
-    assert line.startswith("runs/a: No such luck; ") and mend in line
+    assert line.startswith("runs/a: No such luck; ") and fix in line
 
 
 @pytest.mark.parametrize("error", [OSError("cannot read\nthis"), OSError(errno.EIO, "bad disk"), OSError()])

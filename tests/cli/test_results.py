@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -25,7 +26,7 @@ TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """A short run for each of the ways in which views are known."""
+    """A short run for each assignment of views."""
     made: dict[str, Path] = {}
 
     def run(views: str) -> Path:
@@ -78,9 +79,9 @@ def test_the_seed_says_which_and_n_how_many(runs: Callable[[str], Path], tmp_pat
 def test_a_run_of_the_package_needs_no_trust(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("unproject.recipes.shapes.EMBEDDED_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
     run = tmp_path / "run"
-    small = ["--size", "16", "--bins", "2", "--looks-per-shape", "2", "--channels", "8", "--rank", "2", "--batch", "4"]
+    small = ["--size", "16", "--bins", "2", "--views-per-shape", "2", "--channels", "8", "--rank", "2", "--batch", "4"]
     flags = ["--views", "known", "--steps", "1", "--quiet"]
     assert main(["train", "shapes", *small, *flags, "--out", str(run)]) == 0
     assert main(["resume", str(run), "--steps", "2", "--quiet"]) == 0
@@ -162,7 +163,9 @@ def test_scores_can_be_read_by_people_too(
     capsys.readouterr()
     assert main(["evaluate", str(runs("known")), "--trust", "--n", "8", "--reference", str(shapes)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) >= 3 and all(len(line.split()) > 3 for line in lines)
+    settings, scores = ([line for line in lines if line.startswith("  ") == inner] for inner in (False, True))
+    assert len(scores) >= 10 and all(float(line.split()[1]) >= 0 and len(line) < 120 for line in scores)
+    assert len(set(settings)) == len(settings) <= 7 and any("8 generated vs" in line for line in settings)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +241,6 @@ def small_demo(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.recipes.shapes.shapes", recipe)
     monkeypatch.setattr("unproject.export.turntable", partial(turntable, frames=3))
     monkeypatch.setattr("unproject.networks.Generator.sample", boxes)
-    monkeypatch.setattr("unproject.training.loop.save_samples", lambda generator, path: None)
 
 
 def test_the_demo_leaves_pictures_and_meshes(
@@ -251,6 +253,18 @@ def test_the_demo_leaves_pictures_and_meshes(
     assert len(list(out.rglob("*.glb"))) == 16
     assert "turntable.gif" in capsys.readouterr().out
     assert "holds a demo already" in refused("demo", "--out", out)
+
+
+def test_the_demos_help_names_what_it_writes(
+    small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--help"]) == 0
+    named = set(re.findall(r"[\w/]+\.(?:png|gif|glb)|\brun(?=/)", capsys.readouterr().out))
+    out = tmp_path / "demo"
+    assert main(["demo", "--minutes", "0.01", "--out", str(out)]) == 0
+    said = set(re.findall(r"[\w/]+\.(?:png|gif|glb)", capsys.readouterr().out.partition("demo: ")[2]))
+    assert len(named) == 5 and all((out / name.replace("NN", "00")).exists() for name in named | said)
+    assert {path.name for path in out.iterdir()} == {name.split("/")[0] for name in named}
 
 
 @pytest.mark.parametrize("flags", [["--minutes", "nan"], ["--minutes", "0"], ["--threads", "0"]])

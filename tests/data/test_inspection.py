@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect as inspect_module
 import json
 from pathlib import Path
 
@@ -11,12 +12,16 @@ import torch
 from PIL import Image
 
 from unproject._types import UserError
+from unproject.cli import main
 from unproject.cli.data import run
-from unproject.data import Collection, Framing, contact_sheet, inspect
+from unproject.data import OBSERVATIONS, Collection, Framing, inspect, inspect_materials, wood
+from unproject.data.inspection import ENLARGED
+from unproject.ops.maps import unpack_maps
+from unproject.recipes import find, material_panels
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
     mask = np.zeros((60, 90), np.uint8)
     mask[10:50, 30:60] = 255
     Image.fromarray(mask).save(tmp_path / "a.png")
@@ -26,7 +31,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_the_table_says_how_each_is_read_and_why_one_is_not(folder):
+def test_the_table_says_how_each_is_read_and_why_one_is_not(folder: Path) -> None:
     found = inspect(folder)
     assert [row[2] for row in found.rows if row[3] == "used"] == [
         "luminance on dark background",
@@ -34,82 +39,151 @@ def test_the_table_says_how_each_is_read_and_why_one_is_not(folder):
         "alpha",
     ]
     table = found.table()
-    assert "90 x 60" in table and "3 used, 1 skipped" in table and "1 x 64 x 64; views: unknown" in table
+    assert "90 x 60" in table and "3 used, 1 skipped" in table and "silhouettes: 3 of 1 x 64 x 64; views: unk" in table
     assert table.startswith("d.png") and "unreadable" in table.splitlines()[0]
 
 
-def test_it_shows_what_training_gets(folder):
-    found, trained = inspect(folder, size=32), Collection(folder, size=32)
-    assert found.collection is not None and torch.equal(found.collection.items, trained.items)
-    assert found.collection.names == trained.names
+def test_it_shows_what_training_gets(folder: Path) -> None:
+    found, trained = inspect(folder, size=32).collections["silhouettes"], Collection.silhouettes(folder, 32)
+    assert torch.equal(found.items, trained.items) and found.names == trained.names and found.white == trained.white
 
 
-def test_views_are_told(folder):
+def test_views_are_named(folder: Path) -> None:
     (folder / "views.csv").write_text("file,azimuth\na.png,0\nb.png,10\nc.png,20\n")
     assert "views: azimuth" in inspect(folder).table()
 
 
-def test_arrays_are_inspected_too(tmp_path):
+def test_arrays_are_inspected_too(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", sil=np.eye(16)[None].repeat(30, 0))
     table = inspect(tmp_path / "a.npz").table(limit=5)
     assert "and 25 more" in table and "30 used, 0 skipped" in table
 
 
-def test_the_sheet_shows_the_items_side_by_side():
-    items = torch.zeros(3, 1, 20, 20)
-    items[1] = 1
-    sheet = np.asarray(contact_sheet(Collection(items), columns=2, cell=24))
-    assert sheet.shape == (48, 48)
-    assert (sheet[2:22, 26:46] == 255).all() and (sheet[2:22, 2:22] == 0).all() and sheet[40, 40] == 128
+def test_a_framing_reaches_the_pictures(folder: Path) -> None:
+    kept = inspect(folder, framing=Framing(mode="keep")).collections["silhouettes"]
+    assert float(kept.floats()[0].mean()) == pytest.approx(40 * 30 / 90**2, rel=1e-2)
 
 
-def test_the_sheet_takes_64_spread_over_all_and_stands_volumes_upright():
-    items = torch.arange(200).float()[:, None, None, None].expand(-1, 1, 4, 4) / 199
-    sheet = contact_sheet(Collection(items), cell=8)
-    assert sheet.size == (64, 64) and sheet.getpixel((60, 60)) == 255 and sheet.getpixel((4, 4)) == 0
-    volume = torch.zeros(1, 8, 8, 8)
-    volume[0, 0, 7] = 1
-    picture = np.asarray(contact_sheet(Collection(volume), cell=12))[2:10, 2:10]
-    assert picture[0, 0] == 255 and picture.astype(int).sum() == 255
+# ------------------------------------------------------------------------------------------------------------ the verb
 
 
-def test_the_verb_prints_a_table_and_writes_a_sheet(folder, capsys):
-    run("inspect", folder, out=folder / "out/sheet.png", size=32)
+@pytest.mark.parametrize("recipe", ["shapes", "shapes-paper", "digits"])
+def test_the_verb_shows_the_size_that_the_recipe_takes(folder: Path, capsys, recipe: str) -> None:
+    size = inspect_module.signature(find(recipe)).parameters["size"].default
+    assert main(["data", "inspect", str(folder), "--for", recipe, "--json"]) == 0
+    described = json.loads(capsys.readouterr().out)
+    assert (
+        described["used"] == 3
+        and described["shape"] == [3, 1, size, size]
+        and described["skipped"][0]["name"] == "d.png"
+    )
+
+
+def test_the_verb_shows_shapes_unless_told_otherwise_and_obeys_a_size(folder: Path, capsys) -> None:
+    run("inspect", folder)
+    assert "3 of 1 x 32 x 32" in capsys.readouterr().out
+    run("inspect", folder, out=folder / "out/sheet.png", size=48)
     assert "3 used, 1 skipped" in capsys.readouterr().out
     with Image.open(folder / "out/sheet.png") as sheet:
         assert sheet.size == (3 * 96, 96)
+        pixels = np.asarray(sheet.convert("L"))
+    assert pixels[48, 48] == 255 and pixels[6, 6] == 0 and pixels[0, 0] == 128, "white on black, on grey"
 
 
-def test_the_verb_prints_json(folder, capsys):
-    run("inspect", folder, json=True)
-    told = json.loads(capsys.readouterr().out)
-    assert told["used"] == 3 and told["shape"] == [3, 1, 64, 64] and told["skipped"][0]["name"] == "d.png"
+def test_digits_are_shown_as_they_are(tmp_path: Path, capsys) -> None:
+    Image.fromarray(np.tile(np.linspace(0, 255, 28).astype(np.uint8), (28, 1))).save(tmp_path / "ramp.png")
+    run("inspect", tmp_path, for_="digits", out=tmp_path / "sheet/a.png")
+    assert "pictures: 1 of 1 x 32 x 32" in capsys.readouterr().out
+    with Image.open(tmp_path / "sheet/a.png") as sheet:
+        assert len(np.unique(np.asarray(sheet.convert("L")))) > 20
+    with pytest.raises(UserError, match="--for digits: takes pictures as they are"):
+        run("inspect", tmp_path, for_="digits", threshold=0.5)
 
 
-def test_the_verb_shows_why_nothing_can_be_used_and_then_fails(tmp_path, capsys):
+def test_lines_are_shown_as_graphs(tmp_path: Path, capsys) -> None:
+    lines = np.zeros((3, 16), np.float32)
+    lines[:, 4:8] = [[0.1], [0.2], [0.4]]
+    np.savez(tmp_path / "scans.npz", lines=lines, angle=np.zeros(3))
+    run("inspect", tmp_path / "scans.npz", for_="digits", out=tmp_path / "sheet.png")
+    text = capsys.readouterr().out
+    assert "lines: 3 of 1 x 16; views: angle" in text and "00000  1 x 16  line" in text
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        tile = np.asarray(sheet.convert("L"))[2:94, 2:94]
+    assert (tile[:, 24:45] == 255).all() and (tile[:, :22] == 0).all() and (tile[:, 48:] == 0).all()
+
+
+def test_volumes_are_shown_shaded(tmp_path: Path, capsys) -> None:
+    volume = np.zeros((3, 32, 32, 32), bool)
+    volume[:, 8:24, 4:28, 8:24] = True
+    np.savez(tmp_path / "a.npz", volume=volume)
+    run("inspect", tmp_path / "a.npz", out=tmp_path / "sheet.png")
+    assert "volumes: 3 of 32 x 32 x 32" in capsys.readouterr().out
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.size == (3 * 96, 96) and len(np.unique(np.asarray(sheet))) > 5
+
+
+def photographs(tmp_path: Path) -> Path:
+    for name, colour in {"diffuse": (200, 100, 50), "normal": (128, 128, 255), "top": (20, 180, 90)}.items():
+        (tmp_path / name).mkdir()
+        for k in range(3):
+            Image.new("RGB", (80, 70), colour).save(tmp_path / name / f"{k}.png")
+    (tmp_path / "top" / "bad.png").write_bytes(b"no picture")
+    return tmp_path
+
+
+@pytest.mark.parametrize("recipe", ["wood", "metal-paper"])
+def test_folders_of_photographs_are_shown_in_colour_a_row_for_each(tmp_path: Path, capsys, recipe: str) -> None:
+    folder = photographs(tmp_path)
+    run("inspect", folder, for_=recipe, out=tmp_path / "sheet.png")
+    text = capsys.readouterr().out
+    assert "9 used, 1 skipped" in text and "top: 3 of 3 x 64 x 64" in text and text.startswith("top/bad.png")
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.size == (8 * 96, 3 * 96)
+        tops = [sheet.getpixel((48, 96 * row + 48)) for row in range(3)]
+        assert sheet.getpixel((3 * 96 + 48, 48)) == (128, 128, 128), "no more than three"
+    for shown, colour in zip(tops, [(200, 100, 50), (128, 128, 255), (20, 180, 90)], strict=True):
+        assert np.abs(np.subtract(shown, colour)).max() <= 3
+
+
+def test_texture_sets_are_shown_as_the_patches_that_are_cut_out_of_them(tmp_path: Path, capsys) -> None:
+    for name in ("oak", "ash"):
+        (tmp_path / name).mkdir()
+        for role, value in {"color": (150, 90, 40), "roughness": (128, 128, 128)}.items():
+            Image.new("RGB", (256, 256), value).save(tmp_path / name / f"{role}.png")
+    (tmp_path / "elm").mkdir()
+    Image.new("RGB", (256, 256)).save(tmp_path / "elm" / "color.png")
+    run("inspect", tmp_path, for_="wood", out=tmp_path / "sheet.png")
+    text = capsys.readouterr().out
+    assert "2 used, 1 skipped" in text and "patches: 64 of 8 x 64 x 64" in text and text.startswith("elm")
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.size == (4 * 64, 8 * 64) and sheet.getpixel((3 * 64 + 9, 9)) == (128, 128, 255)
+        red, green, blue = sheet.getpixel((9, 9))  # type: ignore[misc]
+        assert red > green > blue
+
+
+def test_an_archive_of_maps_of_the_recipes_size_is_taken_as_it_is(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", **{name: value.numpy() for name, value in unpack_maps(wood(2, 64)).items()})
+    found = inspect_materials(tmp_path / "a.npz", 64)
+    assert torch.equal(found.collections["materials"].items, wood(2, 64))
+
+
+def test_the_recipes_read_what_is_shown() -> None:
+    assert set(OBSERVATIONS) == {*material_panels.MAPS, *material_panels.VIEWED_FROM}
+    assert ENLARGED == material_panels.ENLARGED
+
+
+def test_an_unknown_recipe_is_a_mistake(folder: Path) -> None:
+    with pytest.raises(UserError, match="no recipe 'shaps'"):
+        run("inspect", folder, for_="shaps")
+
+
+def test_the_verb_shows_why_nothing_can_be_used_and_then_fails(tmp_path: Path, capsys) -> None:
     (tmp_path / "d.png").write_bytes(b"broken")
     with pytest.raises(UserError, match=r"none of the 1 pictures can be used \(d.png: unreadable"):
         run("inspect", tmp_path)
     assert "0 used, 1 skipped" in capsys.readouterr().out
     with pytest.raises(UserError, match="a contact sheet is a picture"):
-        Image.new("L", (40, 40)).save(tmp_path / "black.png")
         picture = Image.new("L", (40, 40))
         picture.paste(255, (10, 10, 30, 30))
         picture.save(tmp_path / "e.png")
         run("inspect", tmp_path, out=tmp_path / "sheet.txt")
-
-
-def test_a_framing_reaches_the_pictures(folder):
-    kept = inspect(folder, framing=Framing(mode="keep")).collection
-    assert kept is not None and float(kept.items[0].mean()) == pytest.approx(40 * 30 / 90**2, rel=1e-4)
-
-
-def test_lines_are_shown_as_graphs(tmp_path: Path) -> None:
-    lines = np.zeros((3, 16), np.float32)
-    lines[:, 4:8] = [[0.1], [0.2], [0.4]]
-    np.savez(tmp_path / "scans.npz", lines=lines, angle=np.zeros(3))
-    found = inspect(tmp_path / "scans.npz")
-    assert found.rows[0] == ("00000", "1 x 16", "line", "used") and "views: angle" in found.table()
-    assert found.collection is not None
-    tile = np.asarray(contact_sheet(found.collection, cell=20))[2:18, 2:18]
-    assert (tile[:, 4:8] == 255).all() and tile.sum() == 255 * 4 * 16

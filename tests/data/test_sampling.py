@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unproject._types import UserError
-from unproject.data import batch_rows, held_out
+from unproject.data import batch_rows
 
 
 @settings(max_examples=60, deadline=None)
@@ -53,16 +53,3 @@ def test_nothing_cannot_be_sampled():
     for count, batch in ((0, 4), (4, 0)):
         with pytest.raises(UserError, match="at least one of each"):
             batch_rows(count, batch, 0, 0)
-
-
-@settings(max_examples=40, deadline=None)
-@given(count=st.integers(2, 80), share=st.floats(0.01, 0.99), seed=st.integers(0, 9))
-def test_held_out_rows_are_a_partition(count, share, seed):
-    kept, out = held_out(count, share, seed)
-    assert len(kept) and len(out) and torch.cat([kept, out]).sort().values.tolist() == list(range(count))
-    assert abs(len(out) - share * count) <= 1
-
-
-def test_holding_out_everything_is_refused():
-    with pytest.raises(UserError, match="cannot hold out"):
-        held_out(10, 1.0, 0)

@@ -19,7 +19,7 @@ import trimesh
 from PIL import Image
 
 from unproject import export
-from unproject._openimage import read_picture
+from unproject._pictures import read_stored
 from unproject._types import UserError
 from unproject.export.material_x import lobe_for
 
@@ -99,7 +99,7 @@ def test_the_pictures_hold_the_material(tmp_path, depth, fresnel, eta, f0):
     assert (about["fresnel"], about["eta"]) == (fresnel, eta)
     assert about["F0_where_k_s_is_1"] == pytest.approx(f0)
     for name, want in coded(maps, f0, {}, suffix).items():
-        pixels, stored = read_picture(tmp_path / "wood" / about["maps"][name]["file"])
+        pixels, stored = read_stored(tmp_path / "wood" / about["maps"][name]["file"])
         assert stored == about["maps"][name]["stored"] and about["maps"][name]["scale"] == 1
         assert pixels.shape == want.shape
         np.testing.assert_allclose(pixels, want, atol=tolerance, rtol=tolerance if suffix == "exr" else 0)
@@ -123,7 +123,7 @@ def test_values_above_one_are_divided_by_a_stated_scale(tmp_path, depth):
     stated = scales(tmp_path)
     assert stated == pytest.approx({"basecolor": 2.5, "specular": 1.6, "roughness": 1.5, "normal": 1})
     for name, want in coded(maps, UNIT, stated, "png").items():
-        pixels = read_picture(tmp_path / f"{name}.png").pixels
+        pixels = read_stored(tmp_path / f"{name}.png").pixels
         np.testing.assert_allclose(pixels, want, atol=DEPTHS[depth][1])
         assert name == "normal" or pixels.max() == 1
 
@@ -132,13 +132,13 @@ def test_exr_keeps_values_above_one_as_they_are(tmp_path):
     maps = a_material(diffuse=2.5, specular=40.0)
     export.material_maps(maps, tmp_path, depth="float")
     assert set(scales(tmp_path).values()) == {1}
-    np.testing.assert_allclose(read_picture(tmp_path / "specular.exr").pixels.max(), 1.6, rtol=1e-6)
+    np.testing.assert_allclose(read_stored(tmp_path / "specular.exr").pixels.max(), 1.6, rtol=1e-6)
 
 
 def test_half_floats_do_not_overflow(tmp_path):
     maps = a_material(diffuse=1e6)
     export.material_maps(maps, tmp_path, depth="half")
-    pixels = scales(tmp_path)["basecolor"] * read_picture(tmp_path / "basecolor.exr").pixels
+    pixels = scales(tmp_path)["basecolor"] * read_stored(tmp_path / "basecolor.exr").pixels
     np.testing.assert_allclose(pixels, expected(maps)["basecolor"], rtol=1e-3, atol=1)
 
 
@@ -191,7 +191,7 @@ def evaluated(node, name, folder):
         return 2 * evaluated(upstream, "in", folder) - 1
     assert upstream.getCategory() == "image"
     file = upstream.getInput("file")
-    pixels = read_picture(folder / file.getValueString()).pixels.astype(np.float64)
+    pixels = read_stored(folder / file.getValueString()).pixels.astype(np.float64)
     return from_srgb(pixels) if file.getColorSpace() == "srgb_texture" else pixels
 
 

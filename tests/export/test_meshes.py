@@ -1,4 +1,4 @@
-"""Meshes: closed, right side out, right side up, in the volume's units, and valid by outside judges."""
+"""Meshes: closed, right side out, right side up, in the volume's units, and valid to outside validators."""
 
 from __future__ import annotations
 

@@ -41,6 +41,13 @@ def test_groups_do_not_see_one_another() -> None:
     assert not torch.allclose(together, discriminator(torch.cat([real, fake]), head))
 
 
+def test_images_are_scaled_to_minus_one_and_one() -> None:
+    discriminator, seen = DCGANDiscriminator((1, 16, 16), channels=4), []
+    discriminator.layers[0].register_forward_hook(lambda module, x, y: seen.append(x[0]))
+    discriminator(torch.stack([torch.zeros(1, 16, 16), torch.ones(1, 16, 16)]), torch.zeros(2, dtype=torch.long))
+    assert (seen[0][0] == -1).all() and (seen[0][1] == 1).all()
+
+
 def test_heads_differ_and_every_weight_learns() -> None:
     with seeded(0):
         discriminator = DCGANDiscriminator((1, 32, 32), heads=3, channels=4)

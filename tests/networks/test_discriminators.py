@@ -13,7 +13,7 @@ from torch.nn.utils.parametrize import is_parametrized, register_parametrization
 from unproject._random import seeded
 from unproject._types import UserError
 from unproject.adversarial.penalties import R1R2
-from unproject.networks import Discriminator, LineDiscriminator
+from unproject.networks import DCGANDiscriminator, Discriminator, LineDiscriminator, TextureDiscriminator
 from unproject.networks.blocks import HeadConv
 from unproject.networks.discriminators import SpectralNorm
 
@@ -46,6 +46,39 @@ def own_weights(model: Discriminator) -> list[Tensor]:
     """Everything that exists once a head, heads first."""
     stored = [p for module in model.own for p in module.parameters()]
     return [*stored, *model.last.parameters()]
+
+
+def image_discriminators() -> dict[str, nn.Module]:
+    """Every discriminator of images and lines with three heads, all weights drawn: rows may start at zero."""
+    with seeded(0, "heads"):
+        found = {f"{options}": build(**options) for options in LAYOUTS}
+        found |= {
+            "DCGAN": DCGANDiscriminator((1, 32, 32), heads=3, channels=4),
+            "texture": TextureDiscriminator((1, 32, 32), heads=3, channels=4),
+            "lines": LineDiscriminator((1, 32), heads=3, width=8, bottleneck=6),
+        }
+        for model in found.values():
+            for module in model.modules():
+                if isinstance(module, nn.Embedding) and not is_parametrized(module):
+                    nn.init.normal_(module.weight)
+    return found
+
+
+@pytest.mark.parametrize("name", image_discriminators())
+def test_a_logit_is_that_of_its_own_head(name: str) -> None:
+    """Row b of a batch of mixed heads is what head b says when it judges all; no two heads agree on an image."""
+    model, y = image_discriminators()[name].eval(), images(len(HEAD), *((1, 32) if name == "lines" else (1, 32, 32)))
+    start = {key: value.clone() for key, value in model.state_dict().items()}
+
+    def logits(head: Tensor) -> Tensor:
+        model.load_state_dict(start)  # spectral vectors move with every pass
+        with torch.no_grad():
+            return model(y, head)
+
+    by_head = torch.stack([logits(torch.full_like(HEAD, k)) for k in range(3)])
+    torch.testing.assert_close(logits(HEAD), by_head[HEAD, torch.arange(len(HEAD))], rtol=1e-4, atol=1e-5)
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        assert ((by_head[first] - by_head[second]).abs() > 1e-4).all()
 
 
 @pytest.mark.parametrize("options", LAYOUTS, ids=str)

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.networks import Generator, ImageGenerator, LowRankGenerator, SmoothImageGenerator, VoxelGenerator
+from unproject.ops import visual_hull
 from unproject.testing import check_generator, run_laws
 
 SMALL: dict[str, Callable[[], Generator]] = {
@@ -120,6 +121,15 @@ def test_truncated_codes_are_a_truncated_normal() -> None:
     assert drawn.abs().max() <= a * (1 + 1e-6)
     assert drawn.var().item() == pytest.approx(variance, rel=0.05)
     assert generator.draw(100, generator_at(0)).abs().max() > a, "training does not truncate"
+
+
+def test_samples_of_a_generator_with_a_hull_are_filled() -> None:
+    """Hollows that no level view sees into are filled when sampling, not in training."""
+    plain = build(lambda: LowRankGenerator(16, 6, 16, rank=3, bias=0.0)).eval()
+    filled = build(lambda: LowRankGenerator(16, 6, 16, rank=3, bias=0.0, hull=True)).eval()
+    assert torch.equal(filled.sample(2), visual_hull(plain.sample(2)))
+    assert not torch.equal(filled.sample(2), plain.sample(2))
+    assert torch.equal(filled(codes(filled)), plain(codes(plain)))
 
 
 # The seed's generator

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
@@ -50,6 +52,30 @@ def test_every_map_learns(kind: str) -> None:
             assert moved == (other == name)
         shared = (generator.start, generator.common)  # pyright: ignore[reportAttributeAccessIssue]
         assert all(bool(p.grad is not None and p.grad.any()) for part in shared for p in list(part.parameters())[:1])  # pyright: ignore
+
+
+def drawn_maps(normal: tuple[float, float, float]) -> torch.Tensor:
+    """(8,) of what the branches drew as 0, but for the normal; the scale factors are 1, 2 and 3."""
+    generator = DCGANMaterials(8, code_size=4, channels=8)
+    with torch.no_grad():
+        generator.scales.weight.zero_()
+        generator.scales.bias.copy_(torch.tensor([1.0, 2.0, 3.0]).expm1().log())  # softplus takes it back
+    drawn = {name: torch.zeros(1, place.stop - place.start, 1, 1) for name, place in MAPS.items()}
+    drawn["normal"] = torch.tensor(normal).view(1, 3, 1, 1)
+    return generator.maps(torch.zeros(1, 4), drawn).detach().flatten()
+
+
+def test_each_map_has_its_own_scale_factor() -> None:
+    """A sigmoid of 0 is 1/2: k_d = 1/2, k_s = 2/2, m = 3/2 and the least roughness."""
+    torch.testing.assert_close(drawn_maps((0, 0, 0))[:5], torch.tensor([0.5, 0.5, 0.5, 1.0, 1.505]))
+
+
+def test_drawn_normals_lean_to_either_side() -> None:
+    """n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃) + 0.05) / |…|: 2σ(log 3) - 1 = 1/2, of -log 3 it is -1/2."""
+    torch.testing.assert_close(drawn_maps((0, 0, 0))[5:], torch.tensor([0.0, 0.0, 1.0]))
+    length = math.hypot(0.5, 0.5, 0.55)
+    expected = torch.tensor([0.5, -0.5, 0.55]) / length
+    torch.testing.assert_close(drawn_maps((math.log(3), -math.log(3), 0))[5:], expected)
 
 
 def test_the_seeds_codes_are_uniform_and_its_branches_share_two_layers() -> None:

@@ -34,6 +34,13 @@ def test_training_looks_through_another_window_each_time_and_goes_on_where_it_wa
     assert not torch.equal(network(x, HEAD), network(x, HEAD))
 
 
+def test_images_are_scaled_to_minus_one_and_one() -> None:
+    network, seen = discriminator(window=32), []
+    network.scales[0][0].register_forward_hook(lambda module, x, y: seen.append(x[0]))  # pyright: ignore
+    network(torch.stack([torch.zeros(3, 32, 32), torch.ones(3, 32, 32)]), HEAD[:2])
+    assert (seen[0][0] == -1).all() and (seen[0][1] == 1).all()
+
+
 def test_scales_end_with_the_whole_picture() -> None:
     network, x = discriminator(window=8), pictures()
     finest, middle, whole = network.windows(x)

@@ -29,6 +29,13 @@ def test_it_has_the_discriminators_convolutions() -> None:
     assert geometry(ViewPredictor((1, 32, 32), 16, channels=8)) == geometry(discriminator)
 
 
+def test_images_are_scaled_to_minus_one_and_one() -> None:
+    model, seen = ViewPredictor((1, 16, 16), 4, channels=4), []
+    model.layers[0].register_forward_hook(lambda module, x, y: seen.append(x[0]))
+    model(torch.stack([torch.zeros(1, 16, 16), torch.ones(1, 16, 16)]))
+    assert (seen[0][0] == -1).all() and (seen[0][1] == 1).all()
+
+
 def test_images_are_scored_alone_in_evaluation_only() -> None:
     model, image = ViewPredictor((1, 16, 16), 4, channels=4), torch.rand(6, 1, 16, 16)
     assert not torch.allclose(model(image)[:2], model(image[:2]), atol=1e-3)

@@ -76,6 +76,18 @@ def test_samples_have_the_density() -> None:
         assert abs(estimate.mean() - exact) < 4 * estimate.std() / n**0.5
 
 
+@pytest.mark.parametrize("row", [0, ROWS - 1])
+def test_samples_of_a_texel_at_a_pole_stay_on_its_side(row: int) -> None:
+    """What a tent carries over the pole is folded back to the azimuth that it came from."""
+    maps = torch.zeros(1, 3, ROWS, COLUMNS, dtype=torch.float64)
+    maps[..., row, 4] = 1
+    u = torch.rand(1, 5000, 3, generator=generator_at(1), dtype=torch.float64)
+    drawn = sample_environments(prepare_environments(maps), torch.tensor([0]), one(), u)[0]
+    phi = 4.5 * 2 * math.pi / COLUMNS
+    assert (drawn[:, 0] * math.cos(phi) + drawn[:, 1] * math.sin(phi)).min() > 0
+    assert (drawn[:, 2].abs() > math.cos(1.5 * math.pi / ROWS)).all()
+
+
 def test_exposure_makes_any_light_as_strong_as_ambient() -> None:
     maps = radiance(3) * torch.tensor([1.0, 7.0, 0.01])[:, None, None, None]
     exposed = maps * exposure(maps)[:, None, None, None]

@@ -78,6 +78,20 @@ def test_schlick_of_glass() -> None:
     assert schlick(torch.tensor(0.0), 0.04).item() == 1
 
 
+@pytest.mark.parametrize(
+    "cosine, f0, f90, expected",
+    [
+        (0.5, 0.04, 1.0, 0.04 + 0.96 / 32),  # (1 - 1/2)⁵ = 1/32
+        (0.2, 0.04, 1.0, 0.04 + 0.96 * 0.32768),  # 0.8⁵ = 0.32768
+        (0.75, 0.5, 1.0, 0.5 + 0.5 / 1024),  # (1/4)⁵ = 1/1024
+        (0.5, 0.01, 0.25, 0.01 + 0.24 / 32),
+    ],
+)
+def test_schlick_is_the_fifth_power_by_hand(cosine: float, f0: float, f90: float, expected: float) -> None:
+    """Worked out here: tests that call `schlick` themselves cannot see that its exponent is wrong."""
+    assert schlick(torch.tensor(cosine, dtype=torch.float64), f0, f90).item() == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize("m", ROUGHNESS)
 def test_facets_fill_the_surface(m: float) -> None:
     """∫ D cosθ dω = 1, over tan²θ: dω cosθ = π d(tan²) cos⁴."""

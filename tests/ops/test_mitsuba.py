@@ -19,7 +19,7 @@ from torch import Tensor
 
 from unproject._random import generator_at
 from unproject.ops.environment import look_up, prepare_environments
-from unproject.ops.microfacet import Reflection, lobe_density, reflect, sample_beckmann, sample_cosine, schlick
+from unproject.ops.microfacet import Reflection, lobe_density, reflect, sample_beckmann, sample_cosine
 from unproject.ops.plane import towards
 from unproject.ops.shading import Ambient, Directional, Environment, Light, Sampling
 from unproject.ops.shading_native import shade_fast
@@ -59,14 +59,15 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Tensor]:
 
 
 def theirs(cases: dict[str, Tensor], fresnel: str) -> Tensor:
-    """f cosθi (M, V, S, 3): k_d cosθ/π and Mitsuba's lobe times Schlick's term."""
+    """f cosθi (M, V, S, 3): k_d cosθ/π and Mitsuba's lobe times F0 + (1 - F0) (1 - cosθ)⁵, not by our `schlick`."""
     o, i, k_s = cases["o"][:, None], cases["i"], cases["k_s"][:, None, None]
     h = torch.nn.functional.normalize(i + o, dim=-1)
     f0 = torch.full_like(k_s, 0.04) if fresnel == "eta" else k_s
-    term = schlick((o * h).sum(-1), f0) * (k_s if fresnel == "eta" else 1)
+    term = (f0 + (1 - f0) * (1 - (o * h).sum(-1)) ** 5) * (k_s if fresnel == "eta" else 1)
     base = cases["k_d"][:, None, None].expand(-1, 3, -1, -1)
     if fresnel == "albedo":
-        base = base * (1 - schlick(cases["o"][:, 2], cases["k_s"][:, None]))[:, :, None, None]
+        f0 = cases["k_s"][:, None]
+        base = base * (1 - f0 - (1 - f0) * (1 - cases["o"][:, 2]) ** 5)[:, :, None, None]
     up = i[..., 2].clamp(min=0)
     return base * up[..., None] / math.pi + (term * torch.where(i[..., 2] > 0, cases["lobe"], 0))[..., None]
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from unproject.ops import camera_frame, orthographic_rays, perspective_rays, sample_volume
-from unproject.ops.resampling import centres, depth_range
+from unproject.ops.resampling import centres, depth_range, perspective_slant
 
 
 def test_centres() -> None:
@@ -43,6 +43,16 @@ def test_perspective_rays_meet_in_the_pinhole_and_see_the_viewport_in_the_centra
     torch.testing.assert_close(pinhole, (4 * frame[0, 2]).expand_as(pinhole), atol=1e-5, rtol=0)
     flat = orthographic_rays(frame, 5, 1.2, 3, 1.5)
     torch.testing.assert_close(rays[..., 1, :], flat[..., 1, :], atol=1e-6, rtol=0)
+
+
+def test_the_slant_of_a_pinhole_ray_is_its_length_over_its_depth() -> None:
+    """In every pixel, in rows as in columns: sqrt(1 + (0.8² + 0.8²) 0.3²) in the corners of 5 × 5 pixels."""
+    frame = camera_frame(torch.tensor([0.7]), torch.tensor([0.3]))
+    rays = perspective_rays(frame, 5, 1.2, 3, 1.5, 4.0)[0]
+    measured = (rays[..., 0, :] - rays[..., 2, :]).norm(dim=-1) / 2  # the outer of three samples are 2 apart in depth
+    slant = perspective_slant(frame, 5, 1.2, 4.0)
+    torch.testing.assert_close(slant, measured, atol=1e-6, rtol=0)
+    assert slant[0, 4].item() == pytest.approx(math.sqrt(1 + 2 * 0.8**2 * 0.3**2)) and slant[2, 2] == 1
 
 
 @pytest.mark.parametrize("resolution", [1, 5, 18, 32, 64])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 import torch
@@ -97,6 +98,32 @@ def test_white_and_matt_under_each_light() -> None:
     for light, expected in ((straight, one), (oblique, one / 2), (Ambient(), one)):
         seen = shade(x, camera(1, 2), light, Reflection(), Sampling(64), jitter(1))
         torch.testing.assert_close(seen, expected, rtol=2e-3, atol=0)
+
+
+@pytest.mark.parametrize("look", [shade, shade_fast], ids=["reference", "kernel"])
+@pytest.mark.parametrize(
+    "model, k_d, k_s, expected",
+    [
+        (Reflection(), 0.0, 1.0, 0.04 + 0.96 / 32),
+        (Reflection("eta", 3.0), 0.0, 0.5, 0.5 * (0.25 + 0.75 / 32)),
+        (Reflection("albedo"), 0.0, 0.2, 0.2 + 0.8 / 32),
+        (Reflection("albedo"), 0.5, 0.2, 0.225 + 0.5 * (1 - 0.225)),
+        (Reflection("albedo"), 0.0, 0.01, 0.01 + (0.01 / 0.04 - 0.01) / 32),  # F90 = k_s / 0.04 below 0.04
+        (Reflection("albedo"), 0.5, 0.0, 0.5),
+    ],
+    ids=str,
+)
+def test_a_smooth_surface_at_60_degrees_mirrors_schlicks_share_of_a_white_sky(
+    model: Reflection, k_d: float, k_s: float, expected: float, look: Callable[..., Tensor]
+) -> None:
+    """Where m is next to 0, F = F0 + (F90 - F0) (1 - cos 60°)⁵ by hand, of both implementations, comes back."""
+    x = torch.zeros(1, 8, 3, 3)
+    x[:, :3], x[:, 3], x[:, 4], x[:, 7] = k_d, k_s, 0.02, 1
+    toward = towards(torch.tensor([math.pi / 3]), torch.tensor([0.4]))[:, :, None, None].expand(1, 3, 3, 3)
+    if look is shade_fast and not can_shade(x, toward, Ambient(), model):
+        pytest.skip("no compiler")
+    seen = look(x, toward.contiguous(), Ambient(), model, Sampling(512), torch.tensor([0.5]))
+    torch.testing.assert_close(seen, torch.full_like(seen, expected), rtol=0.02, atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["directional", "ambient", "natural"])

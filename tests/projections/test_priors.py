@@ -13,7 +13,7 @@ from torch import Tensor
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.projections.priors import TURN, Bins, Empirical, Mixture, Prior, Product, Uniform, sample_each
+from unproject.projections.priors import TURN, Bins, Cap, Empirical, Mixture, Prior, Product, Uniform, sample_each
 from unproject.testing import check_prior, run_laws
 
 TABLE = {"azimuth": torch.tensor([0.1, 0.2, 3.0]), "elevation": torch.tensor([1.0, 0.0, -1.0])}
@@ -28,6 +28,7 @@ PRIORS: dict[str, Prior] = {
     "bin": Bins("a", 7).parts[0],
     "nested": Mixture([Product(Bins("a", 4), Uniform("b", 0, 0)), Product(Uniform("a", 9, 9), Uniform("b", 1, 1))]),
     "empirical": Empirical(TABLE),
+    "cap": Cap("a", "b", 1.4),
 }
 
 
@@ -133,6 +134,19 @@ def test_bins_draw_each_bin_equally_and_from_all_around() -> None:
 def test_no_bins_are_refused() -> None:
     with pytest.raises(UserError, match="count must be at least 1, not 0"):
         Bins("a", 0)
+
+
+# Cap
+
+
+@pytest.mark.parametrize("most", [0.2, 1.4, math.pi])
+def test_a_cap_is_drawn_evenly_over_its_part_of_the_sphere(most: float) -> None:
+    """Equal heights of a sphere have equal areas (Archimedes): cosθ is uniform from cos(most) to 1."""
+    drawn = draw(Cap("a", "b", most), 4000)
+    share = (1 - drawn["a"].double().cos()) / (1 - math.cos(most))
+    for value in (share, drawn["b"].double() / TURN):
+        counts = torch.histc(value, 8, 0, 1)
+        assert counts.sum() == 4000 and ((counts - 500) ** 2 / 500).sum() < 24.3  # χ² of 7 degrees, one in a thousand
 
 
 # Product and mixture

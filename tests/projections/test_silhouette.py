@@ -196,6 +196,16 @@ def test_one_full_voxel_absorbs_by_the_density(resolution: int) -> None:
     torch.testing.assert_close(y, torch.full_like(y, 1 - math.exp(-2)), atol=1e-5, rtol=0)
 
 
+def test_a_slanting_ray_through_a_layer_is_absorbed_by_its_length() -> None:
+    """Through a layer one voxel thick a pinhole's ray is the longer the more it slants: sqrt(1 + (i² + j²) v² / d²)."""
+    x = torch.zeros(1, 8, 8, 8)
+    x[..., 4] = 1
+    look = Silhouette(rule="absorption", camera="perspective", density=0.7, viewport=0.7, distance=2.5)
+    y = look(x, azimuth=torch.zeros(1))[0, 0]
+    slope = (0.7 / 2.5 * centres(8, x)).square()
+    torch.testing.assert_close(-(1 - y).log() / 0.7, (1 + slope[:, None] + slope).sqrt(), atol=1e-5, rtol=0)
+
+
 def test_half_precision_volumes_are_seen_in_single_precision() -> None:
     x = torch.rand(1, 8, 8, 8, generator=generator_at(0)).bfloat16().requires_grad_()
     with torch.autocast("cpu", torch.bfloat16):

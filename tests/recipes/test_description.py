@@ -14,13 +14,15 @@ from torch import Tensor
 
 from unproject._types import UserError
 from unproject.adversarial.losses import Hinge
+from unproject.assignment import Panel
 from unproject.data import Collection
 from unproject.networks import LowRankGenerator
 from unproject.projections.base import Identity, Projection
 from unproject.projections.observation import Observation
-from unproject.projections.priors import Bins, Empirical, Product, Uniform
+from unproject.projections.priors import Bins, Empirical, Uniform
 from unproject.recipes.shapes import shapes, shapes_paper
-from unproject.training.recipe import Adam, Recipe, describe
+from unproject.training import Adam, Recipe
+from unproject.training.description import describe
 
 
 def text(value: Any) -> str:
@@ -31,7 +33,7 @@ def small(**changes: Any) -> Recipe:
     items = torch.arange(2 * 8**3).view(2, 8, 8, 8) / 1024
     defaults = {
         "generator": partial(LowRankGenerator, size=8),
-        "looks": [(Observation("volume", Identity(), Product()), Collection(items))],
+        "panels": [Panel([Observation("volume", Identity())], Collection(items))],
         "steps": 10,
     }
     return Recipe(**{**defaults, **changes})
@@ -47,10 +49,16 @@ def test_equal_recipes_have_equal_descriptions(recipe: Any, views: str, volumes:
 CHANGES = [
     {"views": "known"},
     {"views": "single"},
+    {"views": "learned"},
+    {"views_per_sample": 2},
+    {"ema_half_life": 10.0},
+    {"balance_every": 5},
+    {"discriminator_steps": 2},
+    {"init_views": True},
     {"views": "direct"},
     {"bins": 8},
     {"bands": 3},
-    {"looks_per_shape": 4},
+    {"views_per_shape": 4},
     {"binary": True},
     {"steps": 3},
     {"minutes": 1.0},
@@ -65,7 +73,7 @@ CHANGES = [
     {"rounds": 3},
     {"mirror": False},
     {"flips": True},
-    {"looks_each": 1},
+    {"views_per_sample": 1},
     {"precision": "bfloat16"},
     {"compile": True},
     {"checkpoint_every": 100},
@@ -74,7 +82,7 @@ CHANGES = [
 
 @pytest.mark.parametrize("change", CHANGES, ids=str)
 def test_any_change_changes_the_description(change: dict[str, Any], volumes: Path) -> None:
-    plain = {"data": volumes, "size": 16, "looks_per_shape": 2}
+    plain = {"data": volumes, "size": 16, "views_per_shape": 2}
     assert text(shapes(**plain)) != text(shapes(**{**plain, **change}))
 
 
@@ -124,17 +132,17 @@ def test_a_users_object_is_described_by_what_it_holds() -> None:
 def test_a_recipe_derives_from_another() -> None:
     plain = small()
     changed = plain.replace(loss=Hinge())
-    assert changed.loss == Hinge() and changed.looks is plain.looks and plain.loss != Hinge()
+    assert changed.loss == Hinge() and changed.panels is plain.panels and plain.loss != Hinge()
 
 
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"looks": []}, "has no looks"),
+        ({"panels": []}, "has no panels"),
         ({"batch": 0}, "batch=0: must be at least 1"),
         ({"discriminator_steps": 0}, "discriminator_steps=0"),
-        ({"looks_each": 0}, "looks_each=0"),
-        ({"batch": 6, "looks_each": 4}, "batch=6: must be a multiple of looks_each=4"),
+        ({"views_per_sample": 0}, "views_per_sample=0"),
+        ({"batch": 6, "views_per_sample": 4}, "batch=6: must be a multiple of views_per_sample=4"),
         ({"checkpoint_every": 0}, "checkpoint_every=0"),
         ({"steps": 0}, "steps=0: must be positive"),
         ({"minutes": -1.0}, "minutes=-1.0: must be positive"),

@@ -13,42 +13,43 @@ from PIL import Image
 from safetensors.torch import load_file
 
 from unproject._types import UserError
+from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.data import correlated, metal, procedural_probes, wood
 from unproject.ops.maps import MAPS
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
-from unproject.projections.priors import Product
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
-from unproject.recipes.materials import (
-    MIRRORED,
-    SEEN_FROM,
-    materials,
-    metal_materials,
-    mirrored,
-    way_of,
-    wood_materials,
-    wood_paper,
-)
-from unproject.training import resume, train
-from unproject.training.panel import build_panels
+from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
+from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
+from unproject.training import Recipe, resume, train
+from unproject.training.state import State
 
-TOY = {"size": 16, "steps": 2, "batch": 4, "channels": 16, "judge": 4}
+TOY = {"size": 16, "steps": 2, "batch": 4, "channels": 16, "discriminator_channels": 4}
+
+
+def panels(recipe: Recipe) -> dict[str, Panel]:
+    """The panels by name; each has one observation and one collection."""
+    assert all(len(panel.observations) == len(panel.collections) == 1 for panel in recipe.panels)
+    return {panel.observations[0].name: panel for panel in recipe.panels}
 
 
 def test_each_observation_has_materials_of_its_own_and_a_discriminator_of_its_own() -> None:
-    recipe = materials(wood, looks=(*MAPS, "top", "grazing"), maps=6, renderings=5, **TOY)
-    found = {look.name: (look, collection) for look, collection in recipe.looks}
+    recipe = materials(wood, observations=(*MAPS, "top", "grazing"), maps=6, renderings=5, **TOY)
+    found = panels(recipe)
     assert list(found) == [*MAPS, "top", "grazing"]
-    assert [len(collection) for _, collection in found.values()] == [6, 6, 6, 6, 5, 5]
-    panels = build_panels(recipe)
-    assert len(panels) == 6 and len({id(panel.discriminator) for panel in panels}) == 6
-    for look, collection in found.values():
-        assert isinstance(look.projection, Standardised)
-        torch.testing.assert_close(collection.items.mean(), torch.tensor(0.5), atol=0.03, rtol=0)
+    assert [len(panel) for panel in found.values()] == [6, 6, 6, 6, 5, 5]
+    state = State(recipe, torch.device("cpu"))
+    assert len(state.panels) == 6 and len({id(panel.discriminator) for panel in state.panels}) == 6
+    for panel in found.values():
+        assert isinstance(panel.projection, Standardised)
+        torch.testing.assert_close(panel.collections[0].items.mean(), torch.tensor(0.5), atol=0.03, rtol=0)
     # The diffuse and the specular maps are of different materials: undone, they are no pair of the world.
-    diffuse, specular = (found[name][0].projection.restore(found[name][1].items) for name in ("diffuse", "specular"))  # pyright: ignore
+    diffuse, specular = (
+        found[name].projection.restore(found[name].collections[0].items)  # pyright: ignore
+        for name in ("diffuse", "specular")
+    )
     own = wood(6, 16, 1)
     assert not np.isclose(diffuse.mean((1, 2, 3)), own[:, :3].mean((1, 2, 3)), atol=1e-4).any()
     assert specular.shape == (6, 1, 16, 16)
@@ -56,48 +57,49 @@ def test_each_observation_has_materials_of_its_own_and_a_discriminator_of_its_ow
 
 def test_the_same_seed_is_the_same_collection() -> None:
     first, again, other = (materials(metal, maps=3, renderings=2, seed=seed, **TOY) for seed in (1, 1, 2))
-    for (_, a), (_, b), (_, c) in zip(first.looks, again.looks, other.looks, strict=True):
-        assert torch.equal(a.items, b.items) and not torch.equal(a.items, c.items)
+    for a, b, c in zip(first.panels, again.panels, other.panels, strict=True):
+        rows = torch.arange(len(a))
+        assert torch.equal(a.batch(rows), b.batch(rows)) and not torch.equal(a.batch(rows), c.batch(rows))
 
 
 def test_any_mix_of_observations() -> None:
     names = ("flash", "lamp", "raking", "coloured", "top", "ambient")
-    lights = wood_materials(looks=names, renderings=3, **TOY)
-    assert tuple(look.name for look, _ in lights.looks) == names
-    assert [look.name for look, _ in wood_materials(maps=2, renderings=0, **TOY).looks] == [*MAPS]
+    lights = wood_materials(observations=names, renderings=3, **TOY)
+    assert tuple(panels(lights)) == names
+    assert [*panels(wood_materials(maps=2, renderings=0, **TOY))] == [*MAPS]
     with pytest.raises(UserError, match="choose from"):
-        wood_materials(looks=("smell",), **TOY)
+        wood_materials(observations=("smell",), **TOY)
     with pytest.raises(UserError, match="at least one"):
         wood_materials(maps=0, renderings=0, **TOY)
 
 
 def test_photographs_count_more_than_maps() -> None:
-    looks = [look for look, _ in wood_materials(maps=2, renderings=2, emphasis=2.5, **TOY).looks]
-    assert {look.name: look.weight for look in looks} == dict.fromkeys(MAPS, 1.0) | dict.fromkeys(
+    found = panels(wood_materials(maps=2, renderings=2, photograph_weight=2.5, **TOY))
+    assert {name: panel.weight for name, panel in found.items()} == dict.fromkeys(MAPS, 1.0) | dict.fromkeys(
         ("flash", "coloured", "ambient"), 2.5
     )
 
 
-def test_discriminators_of_photographs_are_smoother() -> None:
-    looks = [look for look, _ in wood_materials(maps=2, renderings=2, smoothing=7.0, **TOY).looks]
-    assert {look.smoothing for look in looks if look.name in MAPS} == {1.0}
-    assert {look.smoothing for look in looks if look.name not in MAPS} == {7.0}
+def test_discriminators_of_photographs_are_penalised_more() -> None:
+    found = panels(wood_materials(maps=2, renderings=2, penalty_scale=7.0, **TOY))
+    assert {panel.penalty_scale for name, panel in found.items() if name in MAPS} == {1.0}
+    assert {panel.penalty_scale for name, panel in found.items() if name not in MAPS} == {7.0}
 
 
-@pytest.mark.parametrize("look", sorted(MIRRORED))
-def test_a_mirror_image_is_what_is_seen_of_the_mirrored_material(look: str) -> None:
+@pytest.mark.parametrize("name", sorted(MIRRORED))
+def test_a_mirror_image_is_the_projection_of_the_mirrored_material(name: str) -> None:
     maps = correlated(3, 16, 0)
     natural = procedural_probes(8)[0][:1]
-    way = Observation(look, Identity(), Product()) if look == "itself" else way_of(look, natural, 1024)
-    drawn = way.prior.sample(3, torch.Generator().manual_seed(0))
+    observed = Observation(name, Identity()) if name == "itself" else observation_of(name, natural, 1024)
+    drawn = observed.prior.sample(3, torch.Generator().manual_seed(0))
     drawn |= {"view": torch.zeros(3)} if "view" in drawn else {}
     turns = {(3,): lambda phi: math.pi - phi, (2,): lambda phi: -phi, (2, 3): lambda phi: phi + math.pi}
-    moves = {"lamp": "light_azimuth", "top": "light"}.get(look)  # light that comes from anywhere is mirrored, or turned
-    for axes in MIRRORED[look]:
+    moves = {"lamp": "light_azimuth", "top": "light"}.get(name)  # light that comes from anywhere is mirrored, or turned
+    for axes in MIRRORED[name]:
         of_mirrored = drawn | ({moves: turns[axes](drawn[moves])} if moves else {})
         torch.testing.assert_close(
-            way.projection(mirrored("itself", maps, axes), **of_mirrored),
-            mirrored(look, way.projection(maps, **drawn), axes),
+            observed.projection(mirrored("itself", maps, axes), **of_mirrored),
+            mirrored(name, observed.projection(maps, **drawn), axes),
             atol=0.02,
             rtol=0,
         )
@@ -105,15 +107,15 @@ def test_a_mirror_image_is_what_is_seen_of_the_mirrored_material(look: str) -> N
 
 def test_direct_training_sees_as_many_images() -> None:
     recipe = wood_materials(views="direct", maps=6, renderings=4, **TOY)
-    ((look, collection),) = recipe.looks
-    assert look.name == "itself" and collection.items.shape == ((4 * 6 + 3 * 4) // 4, 8, 16, 16)
+    ((name, panel),) = panels(recipe).items()
+    assert name == "itself" and (len(panel), *panel.shape) == ((4 * 6 + 3 * 4) // 4, 8, 16, 16)
 
 
-def test_the_worlds_differ() -> None:
+def test_the_procedural_data_sets_differ() -> None:
     shine = []
     for recipe in (wood_materials, metal_materials):
-        ((look, _),) = recipe(looks=("specular",), maps=8, **TOY).looks
-        shine.append(look.projection.mean[0])
+        (panel,) = recipe(observations=("specular",), maps=8, **TOY).panels
+        shine.append(panel.projection.mean[0])
     assert shine[1] > 3 * shine[0]
 
 
@@ -132,37 +134,37 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         for k in range(count):
             Image.fromarray(rng.integers(0, 255, (20, 24, 3), dtype=np.uint8)).save(tmp_path / name / f"{k}.png")
     recipe = wood_materials(data=tmp_path, **TOY)
-    assert [(look.name, len(collection)) for look, collection in recipe.looks] == [
+    assert [(name, len(panel)) for name, panel in panels(recipe).items()] == [
         ("diffuse", 3),
         ("top", 5),
         ("grazing", 4),
     ]
-    assert [look.name for look, _ in wood_materials(data=tmp_path, looks=("top",), **TOY).looks] == ["top"]
-    # Nobody knows their light, and they count less than maps; our own renderings of top views count as all do.
-    weights = {look.name: look.weight for look, _ in wood_materials(data=tmp_path, natural=0.25, **TOY).looks}
-    assert weights == {"diffuse": 1.0, "top": 0.25, "grazing": 0.25}
-    ours = wood_materials(looks=("top", "flash"), renderings=2, emphasis=2.5, **TOY)
-    assert [look.weight for look, _ in ours.looks] == [2.5, 2.5]
-    with pytest.raises(UserError, match="out of --looks"):
-        wood_materials(data=tmp_path, looks=("normal", "top"), **TOY)
+    assert [*panels(wood_materials(data=tmp_path, observations=("top",), **TOY))] == ["top"]
+    # Their light is unknown, and they count less than maps; our own renderings of top views count as all do.
+    found = panels(wood_materials(data=tmp_path, natural_light_weight=0.25, **TOY))
+    assert {name: panel.weight for name, panel in found.items()} == {"diffuse": 1.0, "top": 0.25, "grazing": 0.25}
+    ours = wood_materials(observations=("top", "flash"), renderings=2, photograph_weight=2.5, **TOY)
+    assert [panel.weight for panel in ours.panels] == [2.5, 2.5]
+    with pytest.raises(UserError, match="leave normal out of the observations"):
+        wood_materials(data=tmp_path, observations=("normal", "top"), **TOY)
 
 
 def test_patches_of_a_few_large_materials(tmp_path: Path) -> None:
     large = {name: part.numpy() for name, part in zip(MAPS, wood(2, 64, 0).split([3, 1, 1, 3], 1), strict=True)}
     np.savez(tmp_path / "few.npz", **large)  # pyright: ignore[reportArgumentType]
     recipe = wood_materials(data=tmp_path / "few.npz", maps=20, renderings=10, **TOY)
-    assert [len(collection) for _, collection in recipe.looks] == [20, 20, 20, 20, 10, 10, 10]
+    assert [len(panel) for panel in recipe.panels] == [20, 20, 20, 20, 10, 10, 10]
 
 
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
     """The moving windows of the discriminators too."""
-    recipe = wood_materials(looks=("diffuse", "flash"), maps=6, renderings=4, **TOY | {"steps": 6, "size": 64})
+    recipe = wood_materials(observations=("diffuse", "flash"), maps=6, renderings=4, **TOY | {"steps": 6, "size": 64})
     recipe = recipe.replace(checkpoint_every=3)
     train(recipe, tmp_path / "run", quiet=True)
     _, last = sorted((tmp_path / "run" / "checkpoints").glob("*.safetensors"))
     before = load_file(last)
     last.unlink()
-    resume(recipe, tmp_path / "run", quiet=True)
+    resume(tmp_path / "run", recipe, quiet=True)
     after = load_file(last)
     differ = [name for name, value in before.items() if not torch.equal(value, after[name])]
     assert not [name for name in differ if "counters" not in name] and any("taken" in name for name in before)
@@ -171,7 +173,7 @@ def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["wood", "metal-paper"])
 def test_a_toy_run_from_the_command_line(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = str(tmp_path / "run")
-    flags = [part for key, value in TOY.items() for part in (f"--{key}", str(value))]
+    flags = [part for key, value in TOY.items() for part in (f"--{key.replace('_', '-')}", str(value))]
     assert main(["train", name, "--maps", "6", "--renderings", "4", *flags, "--out", run, "--quiet"]) == 0
     assert list((tmp_path / "run" / "samples").glob("*.png"))
     assert main(["resume", run, "--steps", "3", "--quiet"]) == 0
@@ -189,4 +191,4 @@ def test_a_toy_run_from_the_command_line(name: str, tmp_path: Path, capsys: pyte
 
 def test_the_recipes_are_listed() -> None:
     assert {"wood", "metal", "plastic", "wood-paper", "metal-paper", "plastic-paper"} <= set(names())
-    assert set(SEEN_FROM) == {"top", "grazing", "flash", "lamp", "raking", "coloured", "ambient"}
+    assert set(VIEWED_FROM) == {"top", "grazing", "flash", "lamp", "raking", "coloured", "ambient"}

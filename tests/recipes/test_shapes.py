@@ -1,4 +1,4 @@
-"""The recipes of shapes: what each row of their table looks at, who assigns, and who judges."""
+"""The recipes of shapes: the data, the assignment and the discriminator of each row of their table."""
 
 from __future__ import annotations
 
@@ -11,23 +11,42 @@ import pytest
 import torch
 
 from unproject._types import UserError
-from unproject.adversarial.assignment import Known, Predicted
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
-from unproject.adversarial.mean_shape_start import MeanShapeStart
 from unproject.adversarial.penalties import R1R2, GradientPenalty
 from unproject.adversarial.regularisers import Solid
+from unproject.assignment import (
+    Known,
+    LearnedPrior,
+    MeanShapeInitialiser,
+    Panel,
+    Predicted,
+    Rounds,
+    Unassigned,
+    by_view,
+)
 from unproject.data import Collection
 from unproject.networks import LowRankGenerator, VoxelGenerator
 from unproject.projections.base import Identity
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.recipes import shapes as module
-from unproject.recipes.pairing import by_known_view
 from unproject.recipes.shapes import shapes, shapes_paper
-from unproject.training.panel import build_panels
-from unproject.training.recipe import Recipe
+from unproject.training import Recipe
+from unproject.training.state import State
 
 RECIPES: dict[str, Callable[..., Recipe]] = {"shapes": shapes, "shapes-paper": shapes_paper}
-SMALL = {"size": 16, "looks_per_shape": 8}
+SMALL = {"size": 16, "views_per_shape": 8}
+
+
+def only_panel(recipe: Recipe) -> Panel:
+    (panel,) = recipe.panels
+    return panel
+
+
+def predicted_of(recipe: Recipe) -> Predicted:
+    assignment = only_panel(recipe).assignment
+    assert isinstance(assignment, Predicted)
+    return assignment
+
 
 both = pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES)
 
@@ -37,39 +56,40 @@ both = pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES)
 
 @both
 def test_predicted_views(recipe: Callable[..., Recipe], volumes: Path) -> None:
-    made = recipe(data=volumes, views="predicted", **SMALL)
-    assert isinstance(made.assignment, Predicted)
-    assert [o.name for o, _ in made.looks] == [f"azimuth-{k:02d}" for k in range(16)]
-    assert len({id(collection) for _, collection in made.looks}) == 1
-    assert made.looks[0][1].items.shape == (6 * 8, 1, 16, 16)
+    panel = only_panel(recipe(data=volumes, views="predicted", **SMALL))
+    assert isinstance(panel.assignment, Predicted)
+    assert [o.name for o in panel.observations] == [f"azimuth-{k:02d}" for k in range(16)]
+    (collection,) = panel.collections
+    assert collection.items.shape == (6 * 8, 1, 16, 16)
 
 
 @both
 def test_known_views(recipe: Callable[..., Recipe], volumes: Path) -> None:
-    made = recipe(data=volumes, views="known", **SMALL)
-    assert isinstance(made.assignment, Known)
-    assert sum(len(collection) for _, collection in made.looks) == 6 * 8
-    for observation, collection in made.looks:
+    panel = only_panel(recipe(data=volumes, views="known", **SMALL))
+    assert isinstance(panel.assignment, Known) and len(panel) == 6 * 8
+    for observation, collection in zip(panel.observations, panel.collections, strict=True):
         assert collection.latents is not None
         assert observation.prior.contains(collection.latents).all()
-        assert {f"azimuth-{int(k):02d}" for k in collection.latents["look"]} == {observation.name}
+        assert {f"azimuth-{int(k):02d}" for k in collection.latents["view"]} <= {observation.name}
 
 
 @both
-def test_a_single_look(recipe: Callable[..., Recipe], volumes: Path) -> None:
-    made = recipe(data=volumes, views="single", **SMALL)
-    ((observation, collection),) = made.looks
+@pytest.mark.parametrize("views, assignment", [("single", Unassigned), ("learned", LearnedPrior)])
+def test_one_head_of_all_views(recipe: Callable[..., Recipe], views: Any, assignment: type, volumes: Path) -> None:
+    panel = only_panel(recipe(data=volumes, views=views, **SMALL))
     azimuths = {"azimuth": torch.linspace(-10, 10, 50), "elevation": torch.zeros(50)}
-    assert isinstance(made.assignment, Known) and observation.prior.contains(azimuths).all()
+    covered = torch.stack([observation.prior.contains(azimuths) for observation in panel.observations])
+    assert isinstance(panel.assignment, assignment) and panel.assignment.heads(panel) == 1 and covered.any(0).all()
+    (collection,) = panel.collections
     assert collection.items.shape == (6 * 8, 1, 16, 16)
 
 
 @both
 def test_direct_training(recipe: Callable[..., Recipe], volumes: Path) -> None:
     made = recipe(data=volumes, views="direct", **SMALL)
-    ((observation, collection),) = made.looks
-    assert isinstance(made.assignment, Known) and isinstance(observation.projection, Identity)
-    assert collection.items.shape == (6, 16, 16, 16)
+    panel = only_panel(made)
+    assert isinstance(panel.assignment, Known) and isinstance(panel.projection, Identity)
+    assert panel.shape == (16, 16, 16) and len(panel) == 6
     assert made.discriminator.keywords["volumetric"]  # type: ignore[attr-defined]
 
 
@@ -81,34 +101,37 @@ def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any
 
 
 @pytest.mark.parametrize("views, heads", [("predicted", 16), ("single", 1), ("direct", 1)])
-def test_one_head_a_way_of_looking(views: Any, heads: int, volumes: Path) -> None:
-    (panel,) = build_panels(shapes(data=volumes, views=views, **SMALL))
+def test_one_head_an_observation(views: Any, heads: int, volumes: Path) -> None:
+    state = State(shapes(data=volumes, views=views, **SMALL), torch.device("cpu"))
+    (panel,) = state.panels
     assert len(panel.discriminator.last.weight) == heads  # type: ignore[union-attr,arg-type]
-    logits = panel.discriminator(panel.items[:3], panel.heads[:3])
-    assert logits.shape == (3,)
+    rows = torch.arange(3)
+    assert panel.discriminator(panel.panel.batch(rows), panel.assignment.heads[rows]).shape == (3,)
 
 
 def test_all_arms_see_the_same_silhouettes(volumes: Path) -> None:
     seen = [shapes(data=volumes, views=views, **SMALL) for views in ("predicted", "known", "single")]
-    sums = [torch.cat([c.items for c in {id(c): c for _, c in made.looks}.values()]).sum() for made in seen]
+    sums = [torch.cat([c.items for c in only_panel(made).collections]).sum() for made in seen]
     torch.testing.assert_close(sums, [sums[0]] * 3)
 
 
 @both
 def test_bands_of_elevation(recipe: Callable[..., Recipe], volumes: Path) -> None:
-    made = recipe(data=volumes, views="known", bins=4, bands=3, **{**SMALL, "looks_per_shape": 16})
-    elevations = torch.cat([c.latents["elevation"] for _, c in made.looks if c.latents is not None])
-    assert len(made.looks) == 12 and len(elevations) == 6 * 16
+    made = recipe(data=volumes, views="known", bins=4, bands=3, **{**SMALL, "views_per_shape": 16})
+    panel = only_panel(made)
+    elevations = torch.cat([c.latents["elevation"] for c in panel.collections if c.latents is not None])
+    assert len(panel.observations) == 12 and len(elevations) == 6 * 16
     assert elevations.abs().max().rad2deg() <= 22.5 and (elevations.abs().rad2deg() > 7.5).float().mean() > 0.4
-    ((observation, _),) = recipe(data=volumes, views="single", bins=4, bands=3, **SMALL).looks
+    single = only_panel(recipe(data=volumes, views="single", bins=4, bands=3, **SMALL))
     asked = {"azimuth": torch.ones(3), "elevation": torch.tensor([-22.0, 0.0, 23.0]).deg2rad()}
-    assert observation.prior.contains(asked).tolist() == [True, True, False]
+    covered = torch.stack([observation.prior.contains(asked) for observation in single.observations]).any(0)
+    assert covered.tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("views", ["predicted", "known", "single", "direct"])
 def test_flips_double_what_is_learned_from(views: Any, volumes: Path) -> None:
     plain, doubled = (shapes(data=volumes, views=views, flips=flips, **SMALL) for flips in (False, True))
-    counts = [len(build_panels(made)[0].items) for made in (plain, doubled)]
+    counts = [len(only_panel(made)) for made in (plain, doubled)]
     assert counts[1] == 2 * counts[0]
 
 
@@ -127,16 +150,14 @@ def test_the_modern_choices(volumes: Path) -> None:
     assert isinstance(generator, LowRankGenerator) and generator.mirror
     assert generator.sample(1).shape == (1, 16, 16, 16)
     assert (made.loss, made.penalty) == (Relativistic(), R1R2(3, every=8))
-    assert isinstance(made.assignment, Predicted) and len(made.assignment.starts) == 2
+    assert len(predicted_of(made).rounds.starts) == 2
 
 
 @pytest.mark.parametrize("mirror", [True, False])
-def test_a_guess_has_the_symmetry_of_what_is_made(mirror: bool, volumes: Path) -> None:
-    made = shapes(data=volumes, guess=True, mirror=mirror, balance=0.3, **SMALL)
-    assert isinstance(made.assignment, Predicted)
-    assert made.assignment.first == MeanShapeStart(mirror=mirror, balance=0.3)
-    plain = shapes(data=volumes, **SMALL).assignment
-    assert isinstance(plain, Predicted) and plain.first is None
+def test_the_initialiser_has_the_symmetry_of_what_is_made(mirror: bool, volumes: Path) -> None:
+    made = predicted_of(shapes(data=volumes, init_views=True, mirror=mirror, balance=0.3, **SMALL))
+    assert made.initialiser == MeanShapeInitialiser(mirror=mirror, balance=0.3) and made.estimator.balance == 0.3
+    assert predicted_of(shapes(data=volumes, **SMALL)).initialiser is None
 
 
 def test_the_seeds_choices(volumes: Path) -> None:
@@ -146,16 +167,18 @@ def test_the_seeds_choices(volumes: Path) -> None:
     assert (made.loss, made.penalty, made.discriminator_steps) == (Wasserstein(), GradientPenalty(10), 2)
     assert (made.generator_optimiser.rate, made.generator_optimiser.beta1) == (1e-4, 0.5)
     assert made.discriminator.keywords["spectral"]  # type: ignore[attr-defined]
-    assert isinstance(made.assignment, Predicted) and made.assignment.binarise and made.assignment.steps == 100_000
-    assert made.looks[0][0].projection == Silhouette(size=16)
+    predicted = predicted_of(made)
+    assert predicted.fit.binarise and predicted.fit.fresh and predicted.fit.steps == 100_000
+    assert predicted.rounds == Rounds((0.2, 0.4, 0.6, 0.8), restart=True) and predicted.estimator.draw == "argmax"
+    assert only_panel(made).projection == Silhouette(size=16)
 
 
 def test_the_released_choices(volumes: Path) -> None:
     made = shapes_paper(data=volumes, channels=16, released=True, loss="hinge", clusters=8, **SMALL)
     assert made.generator().truncation == 0.75
-    assert made.looks[0][0].projection == Silhouette(size=16, rule="alpha", viewport=1.4)
+    assert only_panel(made).projection == Silhouette(size=16, rule="alpha", viewport=1.4)
     assert made.loss == Hinge() and made.penalty is None
-    assert isinstance(made.assignment, Predicted) and made.assignment.clusters == 8
+    assert predicted_of(made).estimator.clusters == 8 and only_panel(made).assignment.heads(only_panel(made)) == 8
 
 
 @both
@@ -170,43 +193,46 @@ def test_budgets(recipe: Callable[..., Recipe], volumes: Path) -> None:
 
 @both
 def test_silhouettes_are_cut_if_asked(recipe: Callable[..., Recipe], volumes: Path) -> None:
-    soft, cut = (recipe(data=volumes, binary=binary, **SMALL).looks[0][1].items for binary in (False, True))
+    soft, cut = (
+        only_panel(recipe(data=volumes, binary=binary, **SMALL)).collections[0].items for binary in (False, True)
+    )
     assert set(cut.unique().tolist()) == {0.0, 1.0} and len(soft.unique()) > 10
 
 
 def test_chairs_unless_data_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "EMBEDDED_CHAIRS", 3)
-    assert len(shapes(**SMALL).looks[0][1]) == 3 * 8
-    assert len(shapes(views="direct", **SMALL).looks[0][1]) == 3
+    monkeypatch.setattr(module, "PROCEDURAL_CHAIRS", 3)
+    assert len(only_panel(shapes(**SMALL))) == 3 * 8
+    assert len(only_panel(shapes(views="direct", **SMALL))) == 3
 
 
 # Known views of pictures
 
 
 def test_pictures_go_to_the_bin_of_their_view(known_masks: Path) -> None:
-    made = shapes(data=known_masks, views="known", size=16)
-    found = {o.name: {Path(name).stem for name in c.names} for o, c in made.looks}
+    panel = only_panel(shapes(data=known_masks, views="known", size=16))
+    pairs = zip(panel.observations, panel.collections, strict=True)
+    found = {o.name: {Path(name).stem for name in c.names} for o, c in pairs if len(c)}
     assert found == {"azimuth-00": {"front", "wrapped", "edge"}, "azimuth-01": {"past"}, "azimuth-04": {"side"}}
 
 
 @pytest.mark.parametrize("bins", [1, 4, 16, 24])
 def test_no_picture_is_lost_or_doubled(bins: int, volumes: Path) -> None:
-    made = shapes(data=volumes, views="known", bins=bins, **SMALL)
-    names = [name for _, collection in made.looks for name in collection.names]
+    panel = only_panel(shapes(data=volumes, views="known", bins=bins, **SMALL))
+    names = [name for collection in panel.collections for name in collection.names]
     assert len(names) == len(set(names)) == 6 * 8
 
 
 def test_pictures_of_unknown_views(masks: Path) -> None:
-    assert len(shapes(data=masks, views="single", size=16).looks[0][1]) == 5
+    assert len(only_panel(shapes(data=masks, views="single", size=16))) == 5
     with pytest.raises(UserError, match=r"known views are asked for but none are there; add a views.csv"):
         shapes(data=masks, views="known", size=16)
 
 
 def test_views_that_fall_into_no_bin() -> None:
     latents = {"azimuth": torch.zeros(2), "elevation": torch.full((2,), 0.7)}
-    high = Collection.from_tensor(torch.ones(2, 1, 16, 16), latents)
+    high = Collection(torch.ones(2, 1, 16, 16), latents=latents)
     with pytest.raises(UserError, match="known view of 2 of 2 images lies outside every bin"):
-        by_known_view(high, azimuth_bins(4))
+        by_view(high, azimuth_bins(4))
 
 
 def test_direct_training_needs_volumes(masks: Path) -> None:

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 from unproject.data import chairs, correlated, digits
+from unproject.domains import Maps
 from unproject.metrics import image_scores, shape_scores
 from unproject.recipes import find
-from unproject.reproduce import FIGURES, Arm, Claim, overall, verdict
+from unproject.reproduce import FIGURES, Arm, Claim, Figure, overall, verdict
 from unproject.reproduce.budgets import SIZES, flags_of
 from unproject.reproduce.figure import Spread, pooled
-from unproject.reproduce.figures import GUESSED_BECAUSE
+from unproject.reproduce.figures_of_shapes import INITIAL_VIEWS_REASON
+from unproject.reproduce.material_sources import PHOTOGRAPHED
 from unproject.reproduce.scoring import score_materials
-from unproject.reproduce.sources import PHOTOGRAPHED, SOURCES
+from unproject.reproduce.sources import SOURCES
+from unproject.training import Options
 
 ARMS = [arm for figure in FIGURES.values() for arm in (*figure.arms, *figure.real)]
 
@@ -86,7 +89,7 @@ def test_claims_are_about_arms_of_the_figure(figure: object) -> None:
     names = {arm.name for arm in arms} | {f"{kind}-{arm.source}" for arm in arms for kind in ("truth", "shuffled")}
     for claim in figure.claims:  # type: ignore[attr-defined]
         assert {claim.better, claim.than} - {""} <= names and claim.scores
-    assert not figure.claims or any(not claim.ours for claim in figure.claims)  # type: ignore[attr-defined]
+    assert not figure.claims or any(not claim.beyond_paper for claim in figure.claims)  # type: ignore[attr-defined]
 
 
 VIEWS = {"view_of_ceiling", "view_exact", "view_ceiling_exact"}
@@ -100,7 +103,7 @@ def scores_there_are(source: str) -> set[str]:
     if source in ("digits", "mnist"):
         return set(image_scores(digits(32)[:64], digits(32)[64:128]))
     maps = correlated(16, 16, 0)
-    return set(score_materials(maps, maps, source))
+    return set(score_materials(Maps(), maps, maps, source))
 
 
 def test_claims_are_about_scores_that_there_are() -> None:
@@ -109,7 +112,7 @@ def test_claims_are_about_scores_that_there_are() -> None:
     for figure in FIGURES.values():
         for claim in figure.claims:
             asked.setdefault(source_of[claim.better], set()).update(claim.scores)
-        asked.setdefault(figure.arms[0].source, set()).update(figure.also)
+        asked.setdefault(figure.arms[0].source, set()).update(figure.extra_scores)
     for source, names in asked.items():
         assert names <= scores_there_are(source), source
 
@@ -124,9 +127,21 @@ def test_photographs_are_as_many_as_the_table_says(arm: Arm) -> None:
 @pytest.mark.parametrize("budget", ["cpu", "gpu"])
 def test_arms_have_flags_that_their_recipes_take(arm: object, budget: str) -> None:
     flags = flags_of(arm, budget)  # type: ignore[arg-type]
-    known = inspect.signature(find(arm.recipe)).parameters  # type: ignore[attr-defined]
-    assert set(flags) <= set(known) and ("steps" in flags) != ("minutes" in flags)
+    known = {*inspect.signature(find(arm.recipe)).parameters, *Options.__annotations__}  # type: ignore[attr-defined]
+    assert set(flags) <= known and ("steps" in flags) != ("minutes" in flags)
     assert arm.source in SOURCES and not {"seed", "data", "steps", "minutes"} & set(arm.flags)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("figure", FIGURES.values(), ids=lambda f: f.name)
+def test_a_figure_has_an_arm_with_the_papers_recipe_or_says_why_not(figure: Figure) -> None:
+    assert any(arm.of_paper for arm in figure.arms) != bool(figure.no_paper_arm)
+
+
+def test_only_the_cpu_budget_shortens_the_papers_view_predictor() -> None:
+    arms = [arm for arm in ARMS if arm.of_paper and arm.flags.get("views", "predicted") == "predicted"]
+    fitted = [arm.name for arm in arms if "predictor_steps" in flags_of(arm, "cpu")]
+    assert sorted(set(fitted)) == ["birds-paper", "cars-paper", "chairs-paper", "digits-predicted-paper"]
+    assert not any("predictor_steps" in flags_of(arm, "gpu") for arm in arms)
 
 
 def test_an_arm_is_the_same_in_every_figure() -> None:
@@ -142,6 +157,6 @@ def test_the_cpu_budget_is_ten_minutes_an_arm() -> None:
     assert all(len(figure.arms) * 10 <= 60 for figure in FIGURES.values())
 
 
-def test_a_figure_with_a_guessed_arm_says_so() -> None:
-    guessing = {f.name for f in FIGURES.values() if any(a.flags.get("guess") for a in (*f.arms, *f.real))}
-    assert guessing == {f.name for f in FIGURES.values() if GUESSED_BECAUSE in f.deviations} == {"fig4", "fig5"}
+def test_a_figure_with_an_arm_of_initialised_views_says_so() -> None:
+    guessing = {f.name for f in FIGURES.values() if any(a.flags.get("init_views") for a in (*f.arms, *f.real))}
+    assert guessing == {f.name for f in FIGURES.values() if INITIAL_VIEWS_REASON in f.deviations} == {"fig4", "fig5"}

@@ -22,3 +22,9 @@ def test_the_pages_are_those_that_the_tool_writes(tmp_path: Path) -> None:
         assert stored == (tmp_path / path).read_text(encoding="utf-8"), f"{path}: run tools/reproduction_page.py"
         for link in re.findall(r"\]\((\S+)\)", stored):
             assert (ROOT / "docs" / path).parent.joinpath(link).exists(), f"{path}: {link}"
+
+
+def test_the_documents_are_small() -> None:
+    files = [path for path in (ROOT / "docs").rglob("*") if path.is_file()]
+    assert not [path for path in files if path.suffix in (".png", ".jpg")], "save figures as .webp"
+    assert sum(path.stat().st_size for path in files if path.suffix != ".html") < 10e6

@@ -20,18 +20,20 @@ from PIL import Image
 from unproject import reproduce as package
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.data.correlated import build_correlated
-from unproject.reproduce import Arm, Claim, Figure, Where, running, scoring
+from unproject.data.procedural.materials.correlated import build_correlated
+from unproject.reproduce import Arm, Claim, Figure, Settings, running
+from unproject.reproduce.material_sources import PROBES, photographed
+from unproject.reproduce.place import Place
 from unproject.reproduce.running import is_finished
 from unproject.reproduce.scoring import grouped, octave_scores, score_truth
-from unproject.reproduce.sources import PROBES, SOURCES, Place, birds, family, photographed
+from unproject.reproduce.sources import SOURCES, birds, procedural_shapes
 
 SMALL = {"size": 16, "steps": 2, "channels": 8, "batch": 4}
 TOY = Figure(
     name="toy",
     title="Digits",
     claim="Digits are learned.",
-    says="Nothing.",
+    paper_says="Nothing.",
     arms=(
         Arm("toy-known", "digits", "digits", "known"),
         Arm("toy-single", "digits", "digits", "one discriminator", {"views": "single"}),
@@ -44,7 +46,7 @@ TOY = Figure(
 def toy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(package.FIGURES, "toy", TOY)
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | dict(arm.flags))
-    monkeypatch.setitem(scoring.MANY, "image", 64)
+    monkeypatch.setattr("unproject.domains.Images.scored", 64)
 
 
 def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,8 +55,8 @@ def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkey
     kept = tmp_path / "reproduction" / "cpu" / "results"
     names = {f"toy-{arm}-{seed}" for arm in ("known", "single") for seed in (0, 1)} | {"truth-digits-0"}
     assert {path.stem for path in kept.glob("*.json")} == names
-    assert {path.name for path in kept.glob("*-views.png")} == set()  # line integrals are no pictures
-    assert {path.suffix for path in (tmp_path / "reproduction" / "cpu").glob("toy.*")} == {".md", ".html", ".png"}
+    assert {path.name for path in kept.glob("*-views.webp")} == set()  # line integrals are no pictures
+    assert {path.suffix for path in (tmp_path / "reproduction" / "cpu").glob("toy.*")} == {".md", ".html", ".webp"}
     content = json.loads((kept / "toy-known-1.json").read_text())
     assert content["seed"] == 1 and content["steps"] == 2 and content["budget"] == "cpu"
     assert content["environment"]["command"][1:3] == ["train", "digits"] and str(tmp_path) not in json.dumps(content)
@@ -74,80 +76,80 @@ def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkey
 def test_without_training_a_run_that_is_not_finished_is_left_alone(
     toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
     arm = TOY.arms[0]
-    assert not is_finished(arm, 0, where)
+    assert not is_finished(arm, 0, settings)
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 1})
-    package.running.finish([(arm, 0)], where)
-    shutil.rmtree(where.kept)
+    package.running.train_missing([(arm, 0)], settings)
+    shutil.rmtree(settings.results_folder)
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 2})
-    assert not is_finished(arm, 0, where)
-    running.score_finished([(arm, 0)], where)
-    assert not where.result(arm, 0).exists
-    running.finish([(arm, 0)], where)  # resumed
-    assert where.result(arm, 0).read()["steps"] == 2
+    assert not is_finished(arm, 0, settings)
+    running.score_finished([(arm, 0)], settings)
+    assert not settings.result(arm, 0).exists
+    running.train_missing([(arm, 0)], settings)  # resumed
+    assert settings.result(arm, 0).read()["steps"] == 2
 
 
 def test_a_training_that_fails_is_one_line(toy: None, tmp_path: Path) -> None:
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
     with pytest.raises(UserError, match="bad-0: training stopped: .*views"):
-        running.finish([(Arm("bad", "digits", "digits", "", {"views": "nonsense"}), 0)], where)
+        running.train_missing([(Arm("bad", "digits", "digits", "", {"views": "nonsense"}), 0)], settings)
 
 
 def test_what_fails_does_not_stop_the_rest(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bad = Arm("toy-bad", "digits", "digits", "", {"views": "nonsense"})
     monkeypatch.setitem(package.FIGURES, "toy", replace(TOY, arms=(bad, *TOY.arms)))
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
     with pytest.raises(UserError, match="toy-bad-0: training stopped"):
-        package.reproduce("toy", where, 1, tmp_path / "out")
-    assert where.result(TOY.arms[0], 0).exists and where.result(TOY.arms[1], 0).exists
+        package.reproduce("toy", settings, 1, tmp_path / "out")
+    assert settings.result(TOY.arms[0], 0).exists and settings.result(TOY.arms[1], 0).exists
     assert (tmp_path / "out" / "toy.md").exists()
 
 
 def test_an_interrupted_training_is_no_result(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Training that is asked to stop saves and leaves without an error."""
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 1})
-    words = running.command(TOY.arms[0], 0, where)
+    words = running.command(TOY.arms[0], 0, settings)
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL)
     monkeypatch.setattr(running, "command", lambda arm, seed, where: words)
     with pytest.raises(UserError, match="interrupted; the same command goes on"):
-        running.finish([(TOY.arms[0], 0)], where)
-    assert not where.result(TOY.arms[0], 0).exists
+        running.train_missing([(TOY.arms[0], 0)], settings)
+    assert not settings.result(TOY.arms[0], 0).exists
 
 
 def test_results_and_runs_of_other_flags_are_not_taken(toy: None, tmp_path: Path) -> None:
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
-    running.finish([(TOY.arms[0], 0)], where)
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    running.train_missing([(TOY.arms[0], 0)], settings)
     other = replace(TOY.arms[0], flags={"bins": 5})
     with pytest.raises(UserError, match="toy-known-0.json: was made with flags .*remove that file"):
-        running.finish([(other, 0)], where)
-    shutil.rmtree(where.kept)
-    for go in (running.finish, running.score_finished):
+        running.train_missing([(other, 0)], settings)
+    shutil.rmtree(settings.results_folder)
+    for go in (running.train_missing, running.score_finished):
         with pytest.raises(UserError, match="toy-known-0: was made with bins 10, the arm has 5"):
-            go([(other, 0)], where)
+            go([(other, 0)], settings)
 
 
 def test_more_seeds_than_asked_for_are_reported(toy: None, tmp_path: Path) -> None:
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
-    running.finish([(TOY.arms[0], seed) for seed in (0, 3)], where)
-    assert package.report_of(TOY, where).seeds("toy-known") == [0, 3]
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    running.train_missing([(TOY.arms[0], seed) for seed in (0, 3)], settings)
+    assert package.report_of(TOY, settings).seeds("toy-known") == [0, 3]
 
 
 def test_nothing_to_report_is_one_line(toy: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--out", str(tmp_path / "out"), "--runs", str(tmp_path / "runs"), "--report"]
     assert main(["reproduce", "toy", *words]) == 2
-    assert "nothing is kept there" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert "holds no results" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 ENDLESS = """
 import sys
 from pathlib import Path
-from unproject.reproduce import Arm, Where, running
+from unproject.reproduce import Arm, Settings, running
 
 running.flags_of = lambda arm, budget: dict(size=16, steps=10**6, channels=8, batch=4)
-where = Where(Path(sys.argv[1]), Path(sys.argv[1]) / "kept", None, "cpu", threads=1)
-running.finish([(Arm("long", "digits", "digits", ""), 0)], where)
+settings = Settings(Path(sys.argv[1]), Path(sys.argv[1]) / "kept", None, "cpu", threads=1)
+running.train_missing([(Arm("long", "digits", "digits", ""), 0)], settings)
 """
 
 
@@ -183,8 +185,8 @@ def test_mistakes_are_one_line(words: list[str], line: str, capsys: pytest.Captu
 
 
 def test_octave_scores_know_the_design() -> None:
-    from unproject.data.correlated import CHANCES
-    from unproject.data.noise import draw
+    from unproject.data.procedural.materials.correlated import CHANCES
+    from unproject.data.procedural.materials.noise import draw
 
     drawn = draw(CHANCES, range(12), 32, 0)
     right = {name: score.value for name, score in octave_scores(build_correlated(drawn, 0.9, 0.9)).items()}
@@ -194,8 +196,8 @@ def test_octave_scores_know_the_design() -> None:
 
 
 def test_images_are_grouped_by_view() -> None:
-    images, ways = torch.arange(30.0).view(30, 1, 1, 1), torch.tensor([0] * 20 + [2] * 10)
-    rows = grouped(images, ways, 3).view(3, -1)
+    images, views = torch.arange(30.0).view(30, 1, 1, 1), torch.tensor([0] * 20 + [2] * 10)
+    rows = grouped(images, views, 3).view(3, -1)
     assert rows.shape == (3, 12) and rows[0].tolist() == list(range(12)) and rows[1].eq(0).all()
     assert rows[2, :10].tolist() == list(range(20, 30)) and rows[2, 10:].eq(0).all()
 
@@ -218,7 +220,7 @@ def test_files_are_made_once_and_never_half(tmp_path: Path) -> None:
 
 def test_a_family_is_written_as_the_recipe_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.reproduce.sources.SHAPES", 3)
-    source = family(birds, "birds")
+    source = procedural_shapes(birds, "birds")
     place = Place(tmp_path, None, 16)
     with np.load(source.flags(place)["data"]) as arrays:
         assert np.array_equal(arrays["volume"], birds(3, 16).numpy().astype(np.uint8))
@@ -226,7 +228,7 @@ def test_a_family_is_written_as_the_recipe_reads_it(tmp_path: Path, monkeypatch:
 
 
 def test_photographs_are_lit_as_training_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("unproject.reproduce.sources.PHOTOGRAPHED", {"metal": (2, 3)})
+    monkeypatch.setattr("unproject.reproduce.material_sources.PHOTOGRAPHED", {"metal": (2, 3)})
     flags = photographed("metal").flags(Place(tmp_path, None, 16))
     counts = {folder.name: len(list(folder.iterdir())) for folder in flags["data"].iterdir()}
     assert counts == dict.fromkeys(("diffuse", "specular", "roughness", "normal"), 2) | {"top": 3, "grazing": 3}
@@ -236,8 +238,8 @@ def test_photographs_are_lit_as_training_is_not(tmp_path: Path, monkeypatch: pyt
 def test_real_sets_are_cut_photographed_and_scored_but_not_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("unproject.reproduce.sources.PHOTOGRAPHED", {"plastic-sets": (2, 3)})
-    monkeypatch.setattr("unproject.reproduce.sources.MATERIALS", 8)
+    monkeypatch.setattr("unproject.reproduce.material_sources.PHOTOGRAPHED", {"plastic-sets": (2, 3)})
+    monkeypatch.setattr("unproject.reproduce.material_sources.MATERIALS", 8)
     materials, probes = tmp_path / "data" / "materials", tmp_path / "data" / "hdr"
     rng = np.random.default_rng(0)
     textures = materials / "svbrdf" / "plastic" / "toy"
@@ -254,22 +256,22 @@ def test_real_sets_are_cut_photographed_and_scored_but_not_shown(
     pictures = SOURCES["plastic-sets"].flags(place)["data"]
     counts = {folder.name: len(list(folder.iterdir())) for folder in pictures.iterdir()}
     assert counts == dict.fromkeys(("specular", "roughness", "normal"), 2) | {"diffuse": 7, "top": 3, "grazing": 3}
-    truths = Where(tmp_path, tmp_path / "kept", place.data, "cpu").truths("plastic-sets")
+    truths = Settings(tmp_path, tmp_path / "kept", place.data, "cpu").truths("plastic-sets")
     score_truth("plastic-sets", place, truths, {"budget": "cpu"})
-    assert truths["truth"].exists and not list((tmp_path / "kept").glob("*.jpg"))
+    assert truths["truth"].exists and not list((tmp_path / "kept").glob("*.webp"))
 
 
 def test_true_things_are_scored_once_and_shuffled_maps_do_not_go_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("unproject.reproduce.sources.MATERIALS", 48)
-    where = Where(tmp_path, tmp_path / "kept", None, "cpu")
-    score_truth("wood", Place(tmp_path, None, 16), where.truths("wood"), {"budget": "cpu"})
-    errors = {name: kept.values()["correlation_error"] for name, kept in where.truths("wood").items()}
+    monkeypatch.setattr("unproject.reproduce.material_sources.MATERIALS", 48)
+    settings = Settings(tmp_path, tmp_path / "kept", None, "cpu")
+    score_truth("wood", Place(tmp_path, None, 16), settings.truths("wood"), {"budget": "cpu"})
+    errors = {name: kept.values()["correlation_error"] for name, kept in settings.truths("wood").items()}
     assert errors["truth"] < errors["shuffled"] / 2
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()}
     assert len(before) == 4
-    score_truth("wood", Place(tmp_path, None, 16), where.truths("wood"), {})
+    score_truth("wood", Place(tmp_path, None, 16), settings.truths("wood"), {})
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()} == before
 
 
@@ -290,12 +292,12 @@ def test_what_is_scored_against_is_missed_before_the_training(tmp_path: Path) ->
 def test_true_things_that_are_missing_do_not_keep_reports_from_being_written(
     toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    where = Where(tmp_path / "runs", tmp_path / "kept", None, "cpu")
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
 
     def missing(*about: object) -> None:
         raise UserError("probes: is missing")
 
     monkeypatch.setattr(package, "score_truth", missing)
     with pytest.raises(UserError, match="^probes: is missing$"):
-        package.reproduce("toy", where, 1, tmp_path / "out")
+        package.reproduce("toy", settings, 1, tmp_path / "out")
     assert (tmp_path / "out" / "toy.md").exists()

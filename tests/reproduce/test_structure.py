@@ -29,7 +29,7 @@ def test_every_learned_number_is_listed(name: str) -> None:
 
 
 def test_the_networks_are_named() -> None:
-    recipe = find("shapes-paper")(size=16, channels=8, views="predicted", steps=1, looks_per_shape=1)
+    recipe = find("shapes-paper")(size=16, channels=8, views="predicted", steps=1, views_per_shape=1)
     found = tables(recipe)
     assert list(found) == ["generator", "discriminator of azimuth, 16 heads", "view predictor"]
     assert "normed" in found["discriminator of azimuth, 16 heads"] and "normed" not in found["generator"]

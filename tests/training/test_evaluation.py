@@ -28,7 +28,7 @@ def test_true_views_are_the_bins_of_the_known_latents() -> None:
     panel = only_panel(RECIPE)
     true, latents = true_views(panel), panel.collections[0].latents
     assert true is not None and latents is not None
-    assert torch.equal(true, latents["look"].long())
+    assert torch.equal(true, latents["view"].long())
     assert true_views(Panel(panel.observations, Collection(panel.collections[0].items))) is None
 
 

@@ -193,6 +193,20 @@ def test_discriminators_see_nothing_that_is_not_augmented(tmp_path: Path, monkey
     assert not torch.equal(real[0], real[1]) and torch.equal(fake, seen[1])
 
 
+def test_the_penalty_is_of_real_and_of_generated_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this order, and of this very batch."""
+    penalised: list[tuple[Tensor, Tensor]] = []
+    scored: list[Tensor] = []
+    penalty, forward = GradientPenalty.__call__, Discriminator.forward
+    monkeypatch.setattr(GradientPenalty, "__call__", lambda p, d, *a: (penalised.append(a[:2]), penalty(p, d, *a))[1])
+    monkeypatch.setattr(
+        Discriminator, "forward", lambda d, y, h: (scored.append(y.detach().clone()), forward(d, y, h))[1]
+    )
+    trained(tmp_path, views="known", loss="wasserstein", steps=1)
+    (real, fake), (from_data, projected) = penalised[0], scored[0].chunk(2)
+    assert torch.equal(real, from_data) and torch.equal(fake, projected) and not torch.equal(real, fake)
+
+
 @pytest.mark.parametrize("views", VIEWS)
 @pytest.mark.parametrize("make", [shapes, shapes_paper])
 def test_the_recipes_of_the_package_train(

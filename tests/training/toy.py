@@ -72,7 +72,7 @@ def toy(
     observations = azimuth_bins(BINS, silhouette)
     return Recipe(
         generator=partial(LowRankGenerator, size=SIZE, channels=8, rank=4, code_size=8),
-        discriminator=partial(Discriminator, channels=4, volumetric=views == "direct"),
+        discriminator=partial(Discriminator, channels=4, bottleneck=16, shared=4, volumetric=views == "direct"),
         panels=[panel_of(views, observations, toy_data(data, views, observations, seed), predicted)],
         loss=of_loss[loss][0],
         penalty=of_loss[loss][1],

@@ -1,4 +1,4 @@
-"""Adversarial training: losses, gradient penalties, augmentation of images, regularisers of the generator."""
+"""Adversarial training: losses, gradient penalties, augmentation of images, regularisers of samples."""
 
 from .augmentation import Augmentation, Shift
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
@@ -6,13 +6,13 @@ from .penalties import R1R2, GradientPenalty, Penalty
 from .regularisers import Solid
 
 __all__ = [
+    "R1R2",
     "Augmentation",
     "GradientPenalty",
     "Hinge",
     "Logistic",
     "Loss",
     "Penalty",
-    "R1R2",
     "Relativistic",
     "Shift",
     "Solid",

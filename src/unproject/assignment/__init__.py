@@ -5,10 +5,11 @@
 (PrGAN). An assignment of your own derives from `Assignment`.
 """
 
+from .context import Context
 from .gaussian import GaussianInitialiser
 from .learned_prior import LearnedPrior, LearnedPriorState
 from .mean_shape import MeanShapeInitialiser
-from .panel import Assignment, AssignmentState, Context, Known, Panel, by_view, views_of
+from .panel import Assignment, AssignmentState, Known, Panel, by_view, views_of
 from .predicted import Initialiser, Predicted, PredictedState, Rounds
 from .predictor import PredictorFit
 from .responsibilities import Estimator

@@ -32,7 +32,7 @@ class GaussianInitialiser:
     """x ~ N(μ, Σ), y = A_k x + ε, ε ~ N(0, s²), directions k equally frequent: p(k | y) by annealed EM.
 
     x are the weights of blobs on rings and A_k their line integrals in direction k: all directions are treated alike.
-    The directions lie in order around a whole turn, and the lines were measured in some half of it, nobody knows which:
+    The directions lie in order around a whole turn, and the lines were measured in some unknown half of it:
 
     1. μ and Σ are kept the same under half a turn of the image. Then no line differs from itself read backwards, any
        rotation or reflection of a solution is one too, and annealing finds the directions up to half a turn.
@@ -48,6 +48,14 @@ class GaussianInitialiser:
     References:
         EM for mixtures of factor analysers (Ghahramani and Hinton 1996), with one distribution behind all of them;
         annealing of its first step (Ueda and Nakano 1998).
+
+    Examples:
+        >>> import unproject as up
+        >>> around = up.projections.directions(4, 0.02, whole=True)
+        >>> lines = up.data.observe(up.data.digits(16)[:64], around[:4])
+        >>> initialiser = up.GaussianInitialiser(annealed=2, fixed=1, free=1)
+        >>> initialiser(around, lines.floats(), 0).shape
+        torch.Size([64, 8])
     """
 
     lines: int = 12_000

@@ -37,6 +37,13 @@ class LearnedPrior(Assignment):
         images: samples an update whose gradient reaches l; each is projected in every view for it.
         entropy_weight: factor of log K minus the entropy of p in the generator's loss: it keeps views probable that are
             seldom drawn while the generator is poor.
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views), up.LearnedPrior(rate=0.01))
+        >>> panel.assignment.begin(panel, seed=0).log()
+        {'views': [0.25, 0.25, 0.25, 0.25]}
     """
 
     rate: float = 5e-3

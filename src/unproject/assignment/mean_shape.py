@@ -54,6 +54,14 @@ class MeanShapeInitialiser:
     References:
         EM with views as latent variables: Scheres et al. 2007; from no reference at all, by stochastic steps: Punjani
         et al. 2017 (cryoSPARC). Annealing: Ueda and Nakano 1998.
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.cars(6, 16), views, each=2)
+        >>> initialiser = up.MeanShapeInitialiser(tries=1, iterations=2)
+        >>> initialiser(views, silhouettes.floats(), 0).shape
+        torch.Size([12, 4])
     """
 
     mirror: bool = False

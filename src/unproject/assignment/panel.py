@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -19,17 +19,32 @@ from torch import Tensor, nn
 from .._types import UserError
 from ..data import Collection
 from ..metrics import Score
-from ..networks import Generator
 from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
+from .context import Context
 
 
 class Assignment(ABC):
     """How the images of a panel are assigned to its observations, and how generated samples are observed.
 
     Subclass it, as a frozen dataclass, for an assignment of your own: `begin` returns the state of a run.
+
+    Attributes:
+        projected_at_once: images that it projects at once between steps, for the estimate of memory.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> class AllFirst(up.Assignment):
+        ...     def begin(self, panel, seed):
+        ...         first = torch.zeros(len(panel), dtype=torch.long)
+        ...         return up.AssignmentState(panel, first, first.clone())
+        >>> itself, volumes = up.Observation("itself", up.Identity()), up.Collection(up.data.chairs(3, 16))
+        >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views
+        tensor([0, 0, 0])
     """
+
+    projected_at_once: ClassVar[int] = 0
 
     def heads(self, panel: Panel) -> int:
         """Return how many heads the discriminator has (default: one an observation)."""
@@ -59,6 +74,14 @@ class Panel:
     Raises:
         UserError: if observations differ in their projections, collections in the shape of their items, or their
             numbers do not match; for a weight or a scale that is not positive.
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views, each=2)
+        >>> panel = up.Panel(views, silhouettes, up.Predicted())
+        >>> len(panel), panel.shape, panel.assignment.heads(panel)
+        (12, (1, 16, 16), 4)
     """
 
     observations: Sequence[Observation]
@@ -129,52 +152,6 @@ class Panel:
         return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
 
 
-class Context(Protocol):
-    """What a run offers an assignment before each step."""
-
-    @property
-    def step(self) -> int:
-        """Steps done."""
-        ...
-
-    @property
-    def progress(self) -> float:
-        """The part of the budget that is spent, 0 to 1."""
-        ...
-
-    @property
-    def generator(self) -> Generator:
-        """The generator with averaged weights."""
-        ...
-
-    @property
-    def device(self) -> torch.device: ...
-
-    def stopping(self) -> bool:
-        """Whether the run was asked to stop; then return False from `before_step` soon."""
-        ...
-
-    def save(self) -> None:
-        """Write a checkpoint now."""
-        ...
-
-    def record(self, **fields: Any) -> None:
-        """Write a line to the run's log."""
-        ...
-
-    def subtask(self, name: str, total: int) -> Callable[[int, float], None]:
-        """Show a second progress bar; call the result with (done, loss)."""
-        ...
-
-    def synchronise(self, tensors: Iterable[Tensor]) -> None:
-        """Overwrite tensors by those of the first process."""
-        ...
-
-    def restart(self) -> None:
-        """Start the generator and the discriminators from new weights."""
-        ...
-
-
 class AssignmentState(nn.Module):
     """What is assigned during a run; its `state_dict` is part of the checkpoint.
 
@@ -182,6 +159,14 @@ class AssignmentState(nn.Module):
         views: (N,) the observation of each image.
         heads: (N,) the discriminator's head for each image.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views))
+        >>> state = panel.assignment.begin(panel, seed=0)
+        >>> state.project(up.data.chairs(2, 16), rows=torch.tensor([3, 5]), rng=torch.Generator()).shape
+        torch.Size([2, 1, 16, 16])
     """
 
     views: Tensor
@@ -245,6 +230,14 @@ class Known(Assignment):
     """The observation of each image is known: it is the one whose collection holds it (MP-GAN).
 
     With one collection for several observations, it is the first whose prior contains the image's known latents.
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views)
+        >>> panel = up.Panel(views, silhouettes, up.Known())
+        >>> bool((panel.assignment.begin(panel, seed=0).views == silhouettes.latents["view"]).all())
+        True
     """
 
     def begin(self, panel: Panel, seed: int) -> AssignmentState:
@@ -283,10 +276,11 @@ def views_of(collection: Collection, observations: Sequence[Observation]) -> Ten
     return inside.long().argmax(1)
 
 
-def by_view(collection: Collection, observations: Sequence[Observation]) -> list[Collection]:
-    """Return one collection for each observation: the items whose known latents its prior contains."""
+def by_view(collection: Collection, observations: Sequence[Observation]) -> tuple[list[Observation], list[Collection]]:
+    """Return the observations that have images, and their images: the items whose known latents a prior contains."""
     views = views_of(collection, observations)
-    return [collection.subset((views == k).nonzero()[:, 0]) for k in range(len(observations))]
+    rows = {k: (views == k).nonzero()[:, 0] for k in views.unique().tolist()}
+    return [observations[k] for k in rows], [collection.subset(found) for found in rows.values()]
 
 
 def shared_collection(panel: Panel, kind: str) -> Collection:

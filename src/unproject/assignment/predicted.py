@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -21,7 +22,8 @@ from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..metrics import Score
 from ..projections.observation import Observation
-from .panel import Assignment, AssignmentState, Context, Panel, shared_collection
+from .context import Context
+from .panel import Assignment, AssignmentState, Panel, shared_collection
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
 from .responsibilities import Estimator, uniform_views
 
@@ -41,6 +43,11 @@ class Rounds:
         starts: the part of the budget at which each round starts, increasing within (0, 1).
         least_steps: training steps between two rounds at least; in a short run rounds that come sooner are left out.
         restart: start the generator and the discriminator from new weights after round 1, as the released code does.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.Rounds((0.2, 0.5, 0.8)).due(progress=0.6)
+        2
     """
 
     starts: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8)
@@ -65,8 +72,18 @@ class Predicted(Assignment):
         fit: the view predictor and how it is fitted.
         estimator: how predicted probabilities become views and heads.
         initialiser: gives responsibilities for round 0 (default: none, uniformly random views and one head).
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views)
+        >>> assignment = up.Predicted(up.Rounds((0.5,)), estimator=up.Estimator("posterior", balance=0.8))
+        >>> panel = up.Panel(views, silhouettes, assignment)
+        >>> panel.assignment.begin(panel, seed=0).estimates().shape
+        torch.Size([6])
     """
 
+    projected_at_once: ClassVar[int] = CHUNK
     rounds: Rounds = field(default_factory=Rounds)
     fit: PredictorFit = field(default_factory=PredictorFit)
     estimator: Estimator = field(default_factory=Estimator)

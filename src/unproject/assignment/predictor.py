@@ -27,6 +27,15 @@ class PredictorFit:
         steps, batch, learning_rate: of the fit.
         binarise: threshold images at ½ before the predictor sees them.
         fresh: start from new weights in every round instead of the last round's.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> images, views = torch.rand(8, 1, 16, 16), torch.arange(8) % 4
+        >>> fit = up.PredictorFit(steps=2, batch=4)
+        >>> predictor = fit.network((1, 16, 16), 4)
+        >>> loss = fit.fitted(predictor, images, views, seed=0)
+        >>> fit.probabilities(predictor, [images]).shape
+        torch.Size([8, 4])
     """
 
     network: Callable[[tuple[int, ...], int], nn.Module] = ViewPredictor

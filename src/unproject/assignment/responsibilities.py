@@ -25,6 +25,15 @@ class Estimator:
         window: the observations go around in order, and the images were made by this many neighbouring ones, unknown
             which: only the window with the largest likelihood is used (default: no window).
         clusters: discriminator heads, from k-means of the responsibilities (default: one head a view).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> estimator = up.Estimator("argmax", balance=1.0)
+        >>> p = estimator.responsibilities(torch.tensor([[0.9, 0.1], [0.7, 0.3]]))
+        >>> p.mean(0)
+        tensor([0.5000, 0.5000])
+        >>> estimator.assign(p, seed=0)
+        (tensor([0, 1]), tensor([0, 1]))
     """
 
     draw: Literal["argmax", "posterior"] = "argmax"

@@ -16,6 +16,13 @@ class Unassigned(Assignment):
 
     References:
         Gadelha, Maji & Wang 2017, 3D Shape Induction from 2D Views of Multiple Objects (PrGAN).
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> panel = up.Panel(views, up.data.observe(up.data.chairs(6, 16), views), up.Unassigned())
+        >>> panel.assignment.heads(panel)
+        1
     """
 
     def heads(self, panel: Panel) -> int:

@@ -18,17 +18,17 @@ from .._types import UserError
 from ._errors import explain
 
 VERBS = {
-    "demo": "learn chairs from unlabelled silhouettes, here and now, in minutes on a laptop",
+    "demo": "learn chairs from unlabelled silhouettes, in minutes on a laptop",
     "train": "train a recipe on a collection of projections",
-    "resume": "go on with a run that was stopped",
-    "sample": "draw new shapes from a run into an .npz file",
-    "evaluate": "score a run",
-    "export": "write meshes, contact sheets and turntables of new shapes, or maps of materials",
+    "resume": "continue a run",
+    "sample": "draw samples from a run into an .npz file",
+    "evaluate": "score a run against held-out data, or check it by itself",
+    "export": "write samples as meshes, pictures, turntables or material maps",
     "render": "render the maps of a material under natural, directional, coloured or ambient light",
-    "reproduce": "train and judge a figure of the paper, or print its networks",
+    "reproduce": "train and score the arms of a figure of the paper, or print its networks",
     "recipes": "list the recipes, or show one",
     "check": "test a projection, prior, observation or generator of your own against the laws",
-    "data": "see what a folder of pictures will be used as",
+    "data": "see what a collection is read as, or fetch a public one",
 }
 """Verb → one line of help. Its module is `unproject.cli.VERB`."""
 
@@ -80,7 +80,7 @@ def usage() -> str:
     verbs = "\n".join(f"  {verb:<9} {line}" for verb, line in VERBS.items())
     return (
         "usage: unproject VERB ...\n\n"
-        "Learn generators of things you cannot measure directly from collections of their projections.\n\n"
+        "Learn generators of shapes, images and materials from collections of their projections.\n\n"
         f"verbs:\n{verbs}\n\n"
         "`unproject VERB --help` tells more. Angles on the command line are in degrees."
     )

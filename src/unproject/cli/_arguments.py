@@ -84,7 +84,7 @@ def recipe_options(factory: Callable[..., Any]) -> Callable[..., dict[str, Any]]
     text = docstring_parser.parse(inspect.getdoc(Recipe) or "")
 
     def options(**given: Any) -> dict[str, Any]:
-        return {name: value for name, value in given.items() if value not in (None, False)}
+        return {name: value for name, value in given.items() if value is not None and value is not False}
 
     free = {name: bool if kind is bool else kind | None for name, kind in kinds.items() if name not in taken}
     vars(options)["__signature__"] = inspect.Signature(
@@ -160,7 +160,9 @@ def _options(verb: str, functions: Sequence[Callable[..., Any]], signatures: Seq
 
 def _annotated(p: inspect.Parameter, text: str) -> Any:
     positional = p.kind is p.POSITIONAL_ONLY
-    argument = tyro.conf.arg(help=text or None, metavar=p.name.upper() if positional else None)
+    # A flag named like a word of Python's, --for, is a parameter `for_`.
+    name = p.name[:-1] if p.name.endswith("_") else None
+    argument = tyro.conf.arg(name=name, help=text or None, metavar=p.name.upper() if positional else None)
     kind = Annotated[_without_none(p), argument]
     return tyro.conf.Positional[kind] if positional else kind
 
@@ -225,7 +227,7 @@ def _perhaps(wrong: str, options: type) -> str:
 
 def _spelling(field: dataclasses.Field[Any]) -> str:
     on = field.default_factory is not dataclasses.MISSING and field.default_factory() is True
-    return ("no-" if on else "") + field.name.replace("_", "-")
+    return ("no-" if on else "") + field.name.rstrip("_").replace("_", "-")
 
 
 def _filled(function: Callable[..., Any], signature: dict[str, inspect.Parameter], values: dict[str, Any]) -> partial:

@@ -1,4 +1,4 @@
-"""One line for every mistake a user can mend: what, where and how to mend it."""
+"""One line for every user error: what, where and how to fix it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import errno
 
 from .._types import UserError
 
-_MEND = {
+_FIX = {
     errno.ENOSPC: "free some space, or choose another place with --out",
     errno.EDQUOT: "your quota is used up: free some space, or choose another place with --out",
     errno.EFBIG: "the file system takes no file this large: choose another place with --out",
@@ -36,4 +36,4 @@ def _explain_os_error(error: OSError) -> str:
     where = error.filename if error.filename is not None else "a file"
     if isinstance(where, bytes):
         where = where.decode(errors="replace")
-    return f"{where}: {error.strerror}; {_MEND.get(error.errno, 'check the path and try again')}"
+    return f"{where}: {error.strerror}; {_FIX.get(error.errno, 'check the path and try again')}"

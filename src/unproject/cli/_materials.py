@@ -31,9 +31,9 @@ def read_maps(path: Path, size: int | None = None) -> Materials:
     """Of an .npz or of folders of textures."""
     import numpy as np
 
-    from ..data import material_records
+    from ..data import Collection
 
-    found = material_records(path, size)
+    found = Collection.materials(path, size)
     if path.suffix.lower() != ".npz":
         return Materials(found.items, "albedo", found.skipped)
     with np.load(path, allow_pickle=False) as arrays:

@@ -23,7 +23,7 @@ def run(part: str, /, *, json: bool = False, seed: int = 0) -> int:
         json: Print one JSON object instead of a table.
         seed: Of the random inputs that the laws are tried on.
     """
-    results = {name: _tried(name, thing, seed) for name, thing in _parts(part)}
+    results = {name: _tried(name, found, seed) for name, found in _parts(part)}
     print(_json(part, results) if json else _table(results))
     return 0 if all(result.passed for laws in results.values() for result in laws) else 1
 
@@ -55,7 +55,7 @@ def _tried(name: str, part: Any, seed: int) -> list[LawResult]:
     except Exception as error:
         # Before any law can be tried a part must take, and a prior draw, the inputs to try it on.
         raise UserError(
-            f"{name}: making inputs for it raised {type(error).__name__}: {error}; mend that first"
+            f"{name}: making inputs for it raised {type(error).__name__}: {error}; fix that first"
         ) from error
 
 

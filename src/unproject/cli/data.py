@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import inspect as inspect_module
 import json as json_format
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from .._types import UserError
+from ._arguments import find_recipe
 
 if TYPE_CHECKING:
-    from ..data.records import Records
+    from torch import Tensor
+
+    from ..data import Collection, Framing, Inspection
 
 
 def run(
@@ -18,6 +22,7 @@ def run(
     path: Path,
     /,
     *,
+    for_: str = "shapes",
     out: Path | None = None,
     size: int | None = None,
     mode: Literal["crop", "keep"] | None = None,
@@ -26,43 +31,120 @@ def run(
     strict: bool = False,
     json: bool = False,
 ) -> None:
-    """See what a collection will be used as, what is skipped and why; or get a public one.
+    """Show what a recipe would be given of a path, what is skipped and why; or get a public collection.
 
     Args:
         action: `inspect` a collection, or `get` a public one from the network (the variable UNPROJECT_MIRROR names
             another address to take its files from).
-        path: A folder of pictures, an .npz, .npy or idx file, or a 3-D collection; to get one, its name: mnist.
-        out: Write a contact sheet of the framed pictures to this PNG file; or the folder to get a collection into,
-            which is called as the collection unless given.
-        size: Side of the framed pictures in pixels; 64 for folders, as stored for arrays, unless given.
-        mode: Crop and centre the object, or keep it where it is; crop for folders, keep for arrays unless given.
-        threshold: Coverage at which a pixel belongs to the object; 0.5 for masks, 0.08 for photographs unless given.
-        polarity: Whether the object is light or dark; auto, which it is unless given, reads it off the border.
+        path: A folder of pictures, an .npz, .npy or idx file, a 3-D collection, or materials; to get one, its name:
+            mnist.
+        for_: The recipe that is to learn from it: shapes, digits, wood, ..., or one of your own, which is taken to
+            learn shapes.
+        out: Write a contact sheet to this PNG file; or the folder to get a collection into (default: the name of the
+            collection).
+        size: Side of the pictures in pixels (default: the recipe's).
+        mode: Crop and centre the object, or keep it where it is (default: crop for folders, keep for arrays).
+        threshold: Coverage at which a pixel belongs to the object (default: 0.5 for masks, 0.08 for photographs).
+        polarity: Whether the object is light or dark; auto reads it off the border (default: auto).
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
     """
-    from ..data import Framing, get, inspect
-
     if action == "get":
+        from ..data import get
+
         get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
         return
-    given = {"mode": mode, "threshold": threshold, "photo_threshold": threshold, "polarity": polarity}
-    given = {name: value for name, value in given.items() if value is not None}
-    framing = Framing(**given) if given else None  # pyright: ignore[reportArgumentType]
-    found = inspect(path, size=size, framing=framing, strict=strict)
+    found = _inspected(path, for_, size, _framing(mode, threshold, polarity), strict)
     print(json_format.dumps(found.as_dict()) if json else found.table())
-    if found.collection is None:
+    if not found.collections:
         name, _, _, reason = found.rows[0]
-        raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason})")
+        raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one")
     if out is not None:
-        _write_sheet(found.collection, out)
+        _write_sheet(found, out)
 
 
-def _write_sheet(collection: Records, out: Path) -> None:
-    from .._files import atomic_path
-    from ..data import contact_sheet
+MATERIALS = ("wood", "metal", "plastic", "correlated")
 
+
+def _framing(mode: str | None, threshold: float | None, polarity: str | None) -> Framing | None:
+    from ..data import Framing
+
+    given: dict[str, Any] = {
+        "mode": mode,
+        "threshold": threshold,
+        "photo_threshold": threshold,
+        "polarity": polarity,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    return Framing(**given) if given else None
+
+
+def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | None, strict: bool) -> Inspection:
+    """Read a path as this recipe does, at its size."""
+    from ..data import inspect, inspect_materials
+
+    size, kind = size or _size_of(recipe), recipe.partition("-")[0]
+    if framing is not None and kind in ("digits", *MATERIALS):
+        raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
+    if kind in MATERIALS:
+        return inspect_materials(path, size, strict=strict)
+    pictures = "images" if kind == "digits" else "silhouettes"
+    return inspect(path, size, pictures=pictures, framing=framing, strict=strict)
+
+
+def _size_of(recipe: str) -> int:
+    """The default of the recipe's own `size`."""
+    parameters = inspect_module.signature(find_recipe(recipe)).parameters
+    if "size" not in parameters or not isinstance(parameters["size"].default, int):
+        raise UserError(f"--for {recipe}: has no default size; give --size")
+    return parameters["size"].default
+
+
+def _write_sheet(found: Inspection, out: Path) -> None:
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg", ".webp"):
         raise UserError(f"{out}: a contact sheet is a picture; name it .png")
-    with atomic_path(out) as temporary:
-        contact_sheet(collection).save(temporary)
+    if len(found.collections) == 1:
+        return _sheet_of(next(iter(found.collections.values())), out)
+    import torch
+
+    from ..export import picture_sheet
+
+    rows = [_row(name, collection) for name, collection in found.collections.items()]
+    picture_sheet(torch.cat(rows), out, columns=COLUMNS)
+
+
+COLUMNS = 8
+
+
+def _sheet_of(collection: Collection, out: Path) -> None:
+    """64 items spread over the collection: pictures, graphs of line integrals, shaded volumes; or 8 materials."""
+    from .. import export
+    from ..ops.maps import CHANNELS
+
+    if collection.shape[0] == CHANNELS and collection.shape != (CHANNELS,) * 3:
+        export.material_sheet(_spread(collection, COLUMNS), [], out)
+        return
+    items = _spread(collection, COLUMNS**2)
+    if items.dim() == 4 and items.shape[1] > 3:
+        export.gallery(items, out, columns=COLUMNS, size=96)
+        return
+    export.picture_sheet(export.graphs(items) if items.dim() == 3 else items, out, columns=COLUMNS)
+
+
+def _row(name: str, collection: Collection) -> Tensor:
+    """(8, 3, H, W): pictures of one observation, as `material_sheet` shows maps; grey where there are fewer than 8."""
+    from ..ops.exposure import develop
+
+    items = _spread(collection, COLUMNS)
+    shown = develop(items) if name in ("diffuse", "specular") else items / 2 + 0.5 if name == "normal" else items
+    row = shown.new_full((COLUMNS, 3, *shown.shape[2:]), 0.5)
+    row[: len(shown)] = shown
+    return row
+
+
+def _spread(collection: Collection, count: int) -> Tensor:
+    """Up to `count` items, evenly spread over the collection."""
+    import torch
+
+    rows = torch.linspace(0, len(collection) - 1, min(count, len(collection))).round().long().unique()
+    return collection.batch(rows)

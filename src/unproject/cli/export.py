@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from .._types import UserError
+from ._machine import warn_if_empty
 from ._materials import read_maps
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def run(
     /,
     *,
     out: Path,
-    to: Literal["glb", "obj", "ply", "vox", "npz", "png", "gif", "maps", "mtlx", "gltf"] = "glb",
+    to: str = "glb",
     n: int | None = None,
     seed: int = 0,
     faces: int | None = None,
@@ -37,7 +38,7 @@ def run(
         out: The file (with the format's suffix) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
             turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
-            planes).
+            planes); of a domain of your own what it exports.
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
@@ -48,9 +49,11 @@ def run(
         size: Resample folders of textures to so many pixels a side.
         trust: Import the generator's code although it is not of this package.
     """
+    import torch
+
     from ..training.run_directory import naming
 
-    found = _found(source, n, seed, trust, size)
+    found = _found(source, to, n, seed, trust, size)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options:
         options["fresnel"] = fresnel or found.fresnel
@@ -58,6 +61,8 @@ def run(
     with naming(out):
         written = found.domain.exporters[to](x, out, **options)
     _report(written)
+    if to == "png":
+        warn_if_empty(found.domain, torch.as_tensor(x))
     for name, why in found.skipped:
         print(f"skipped {name}: {why}", file=sys.stderr)
     if found.skipped:
@@ -73,16 +78,18 @@ class Found(NamedTuple):
     skipped: tuple[tuple[str, str], ...] = ()
 
 
-def _found(source: Path, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
+def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
     """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
+    from .. import export
     from ..domains import BUILT_IN, domain_of_arrays
     from ..training import load
 
-    if (source / "recipe.json").exists():
+    textures = to in export.MATERIAL_FORMATS and source.suffix != ".npz"
+    if (source / "recipe.json").exists() or (source.suffix != ".npz" and not textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed), opened.domain)
     names = _names(source) if source.suffix == ".npz" else ()
-    if source.suffix != ".npz" or "diffuse" in names:
+    if textures or "diffuse" in names:
         maps, fresnel, skipped = read_maps(source, size)
         return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
     domain = domain_of_arrays(names)

@@ -40,14 +40,14 @@ def run(
     Args:
         maps: An .npz as `unproject sample` writes it, or a folder of textures as ambientCG and Poly Haven name them.
         out: A .png or .gif, exposed, with gamma 2.2; or an .npy of linear radiance (H, W, 3), (N, H, W, 3) of several.
-        view: The camera's angle from the normal and, after a comma, its azimuth: -90, the bottom edge, unless given.
+        view: The camera's angle from the normal and, after a comma, its azimuth (default: -90, the bottom edge).
         light: env:FILE (.hdr, .exr or .npy), env:NAME (sky, overcast, studio, window, night), ambient,
             directional:ANGLE,AZIMUTH or coloured:ANGLE,AZIMUTH (red from there, green and blue 120 and 240 degrees on).
         samples: Samples a pixel, for natural and ambient light.
         seed: Which samples: the same seed gives the same picture.
         eta: The index of refraction, for --fresnel eta.
-        fresnel: eta: the specular map scales a reflectance given by --eta; albedo: it is that reflectance. Unless given
-            what the .npz says in its entry `fresnel`, else eta; albedo for a folder of textures.
+        fresnel: eta: the specular map scales a reflectance given by --eta; albedo: it is that reflectance (default:
+            what the .npz says in its entry `fresnel`, else eta; albedo for a folder of textures).
         shadowing: Smith's for Beckmann facets, or Cook and Torrance's grooves.
         space: texture: each texel in its own place; image: the perspective picture.
         repeat: With --space image: the material again beside itself.
@@ -55,7 +55,7 @@ def run(
         size: Resample textures to so many pixels a side.
         strip: So many pictures side by side (.png) or one after another (.gif): the light goes around, seen from above
             and from --view in turn.
-        threads: Processor threads; all cores unless given.
+        threads: Processor threads (default: all cores).
     """
     from ..ops.microfacet import Reflection
     from ..ops.shading import Sampling

@@ -10,7 +10,7 @@ from .._files import atomic_path
 from .._types import UserError
 
 PARALLEL = {"cpu": 2, "gpu": 1}
-"""Trainings at a time: two trainings with a core each are done sooner than one after another with both."""
+"""Trainings at a time: two trainings with a core each end sooner than one after another with two cores."""
 
 
 def run(
@@ -26,26 +26,26 @@ def run(
     threads: int | None = None,
     report: bool = False,
 ) -> None:
-    """Train the arms of a figure of the paper's supplemental, score them, judge its claims; fig1, fig6: networks.
+    """Train and score the arms of a figure of the paper, and test its claims; fig1 and fig6 print networks.
 
-    What an arm gave is kept as soon as it is finished, and nothing is computed twice; an arm that was interrupted is
-    resumed. Leaves in --out/BUDGET: FIG.md, FIG.html (one file, pictures inside), FIG.png, and results/, the scores and
+    The result of an arm is stored as soon as it is finished and never computed again; an interrupted arm is resumed.
+    Writes to --out/BUDGET: FIG.md, FIG.html (one file, pictures inside), FIG.webp, and results/, the scores and
     pictures of every arm and seed; for all, also all.md and the networks.
 
     Args:
         figure: fig1 to fig12, or all.
         budget: cpu: small, about ten minutes and a core an arm; gpu: the sizes of the paper.
-        seeds: how often each arm is trained; a verdict needs two.
-        data: a folder of real collections, as docs/reproduction.md lists them; the embedded worlds alone unless given.
-        out: where reports and results are kept, a folder a budget.
-        runs: where the runs are, a folder a budget.
-        parallel: trainings at a time; two in the cpu budget and one in the other unless given.
-        threads: processor threads of each; an equal share of the cores unless given.
-        report: train nothing; write the report of what is there, and score runs that are finished.
+        seeds: trainings of each arm; a verdict needs two.
+        data: a folder of real collections, as docs/reproduction.md lists them. Default: the embedded data sets alone.
+        out: folder of reports and results, with a folder a budget.
+        runs: folder of the runs, with a folder a budget.
+        parallel: trainings at a time. Default: 2 in the cpu budget, 1 in the gpu budget.
+        threads: processor threads of each training. Default: an equal share of the cores.
+        report: train nothing; score finished runs and write the report of all results.
     """
     import torch
 
-    from ..reproduce import STRUCTURES, Where, structure
+    from ..reproduce import STRUCTURES, Settings, structure
     from ..reproduce import reproduce as go
 
     cores = os.cpu_count() or 1
@@ -62,9 +62,9 @@ def run(
         print(text, end="")
     if figure in STRUCTURES:
         return
-    torch.set_num_threads(threads)  # for the scores
-    where = Where(runs / budget, out / budget / "results", data, budget, parallel, threads)
-    for found in go(figure, where, seeds, out / budget, train=not report):
+    torch.set_num_threads(threads)  # of the scores
+    settings = Settings(runs / budget, out / budget / "results", data, budget, parallel, threads)
+    for found in go(figure, settings, seeds, out / budget, train=not report):
         print(f"{found.figure.name}: {found.verdict}")
-        for one in found.judged:
-            print(f"  {one.said}: {one.text}")
+        for one in found.claim_results:
+            print(f"  {one.verdict_text}: {one.text}")

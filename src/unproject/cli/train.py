@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ._arguments import bind_recipe
+
+LONG = 10.0
+"""Seconds of a step from which on its estimate is printed."""
 
 if TYPE_CHECKING:
     from ..training import Recipe
@@ -20,24 +24,69 @@ def run(
     device: Literal["auto", "cpu", "cuda"] = "auto",
     threads: int | None = None,
     quiet: bool = False,
+    force: bool = False,
 ) -> None:
     """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
+
+    Memory and seconds of a step are estimated first.
 
     Args:
         out: the run directory to make (default: runs/RECIPE-SEED).
         device: where to compute.
         threads: processor threads (default: all cores).
         quiet: no progress bar.
+        force: train although the estimate says that memory is too small.
     """
     from ..training import train
-    from ._machine import say, use_threads
+    from ..training.run import is_foreign
+    from ._machine import say, use_threads, warn_if_empty
 
     use_threads(threads)
+    _estimate(recipe, device)
     name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
     out = out or Path("runs") / f"{name}-{recipe.seed}"
     finished = train(recipe, out, device=device, quiet=quiet)
-    say(f"{out}: {finished.step} steps; next: unproject export {out} --to png --out {out / 'samples.png'}")
+    if not finished.step:
+        say(f"{out}: stopped before the first step was done; unproject resume {out} starts again")
+        return
+    warn_if_empty(finished.domain, finished.sample(finished.domain.previewed))
+    words = ["export", str(out), "--to", "png", "--out", str(out / "samples.png")]
+    command = shlex.join(words + (["--trust"] if is_foreign(out) else []))
+    say(f"{out}: {finished.step} steps; next: unproject {command}")
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:
-    return bind_recipe("train", argv, run)
+    """Return what makes the recipe, which may need memory for data, and trains it."""
+    call = bind_recipe("train", argv, run)
+    return _unchecked(call) if "--force" in argv else call
+
+
+def _unchecked(call: Callable[[], Any]) -> Callable[[], Any]:
+    def forced() -> Any:
+        from ..training.estimate import unchecked
+
+        with unchecked():
+            return call()
+
+    return forced
+
+
+def _estimate(recipe: Recipe, device: str) -> None:
+    """Say what a step takes if it takes long.
+
+    Raises:
+        UserError: if it takes more memory than there is.
+    """
+    import torch
+
+    from ..training.estimate import estimate, require_memory
+    from ._machine import say
+
+    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
+    place = torch.device("cuda" if cuda and torch.cuda.is_available() else "cpu")
+    found = estimate(recipe, place)
+    taken = recipe.origin.arguments if recipe.origin else {}
+    flags = [f"--{name}" for name in ("size", "batch", "channels") if name in taken or name == "batch"]
+    require_memory(found.memory, "a training step", f"lower {' or '.join(flags)}", place)
+    if found.seconds > LONG:
+        say(str(found))

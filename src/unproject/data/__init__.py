@@ -1,30 +1,38 @@
-"""Collections and their readers: folders of pictures, arrays, 3-D collections, the procedural chairs, and digits."""
+"""Collections, their readers and the procedural data sets.
 
-from .birds import birds
-from .cars import cars
-from .chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
-from .collection import Collection, read, read_images, read_shapes
+`Collection` and `read` take what a path holds; `chairs`, `birds`, `cars`, `wood`, `metal`, `plastic` and
+`correlated` are made from formulas; `digits` are embedded; `observe` renders items as a camera would have collected
+them.
+"""
+
+from .collection import Collection, read
 from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
-from .framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
-from .inspection import Inspection, contact_sheet, inspect
-from .material_sets import material_records, read_material, read_materials
-from .materials import correlated, metal, plastic, wood
+from .inspection import Inspection, inspect, inspect_materials
 from .observing import observe
-from .patches import material_patches
-from .probes import probe_records, read_probe, read_probes, resample_probe
-from .procedural_probes import mixed_probes, procedural_probes
-from .sampling import batch_rows, held_out
-from .sightings import holds_sightings, read_sightings
+from .procedural.light import mixed_probes, procedural_probes
+from .procedural.materials.materials import correlated, metal, plastic, wood
+from .procedural.shapes.birds import birds
+from .procedural.shapes.cars import cars
+from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
+from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
+from .readers.patches import material_patches
+from .readers.photographs import OBSERVATIONS, photographed
+from .readers.probes import read_probe, read_probes, resample_probe
+from .readers.texture_maps import Convention
+from .readers.textures import read_material
+from .sampling import batch_rows
 
 __all__ = [
     "AS_GIVEN",
     "BACKS",
     "BASES",
+    "OBSERVATIONS",
     "PARAMETERS",
     "PUBLIC",
     "Collection",
+    "Convention",
     "Framed",
     "Framing",
     "Inspection",
@@ -35,31 +43,24 @@ __all__ = [
     "cars",
     "chair_parameters",
     "chairs",
-    "contact_sheet",
     "correlated",
     "digit_labels",
     "digits",
     "frame",
     "get",
-    "held_out",
-    "holds_sightings",
     "inspect",
+    "inspect_materials",
     "material_patches",
-    "material_records",
     "metal",
-    "observe",
-    "plastic",
-    "probe_records",
     "mixed_probes",
+    "observe",
+    "photographed",
+    "plastic",
     "procedural_probes",
     "read",
-    "read_images",
     "read_material",
-    "read_materials",
     "read_probe",
     "read_probes",
-    "read_shapes",
-    "read_sightings",
     "resample_probe",
     "with_flips",
     "wood",

@@ -1,124 +1,296 @@
-"""Collection: what one way of looking is learned from.
+"""Collection: the items that an observation is learned from, with their names and known latents.
 
-Collection("masks/")             a folder of pictures, framed as `framing.py` says
-Collection("masks.npz")          arrays, as they are unless a framing is given; also .npy and idx files
-Collection("scans.npz")          line integrals, an array (N, D) named `lines`
-Collection("chairs.npz:chair")   volumes: .npz of voxels, .binvox, meshes, or a folder of them
-Collection(tensor)               items in memory
+Collection.silhouettes("masks/")             pictures of objects: thresholded, cropped, centred (`readers/framing.py`)
+Collection.images("scans/depth")             pictures as they are: grey, neither thresholded nor cropped
+Collection.lines("scans.npz")                line integrals, an array (N, D) named `lines`
+Collection.volumes("chairs.npz:chair")       volumes: .npz of voxels, .binvox, meshes, or a folder of them
+Collection.materials("wood/")                material maps: folders of textures, or an .npz of maps
+Collection.photographs("wood/", "top", 64)   pictures of materials, one sub-folder for each observation
+Collection(tensor)                           items in memory
 """
 
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import torch.nn.functional as F
+import torch
 from torch import Tensor
+from typing_extensions import Self
 
 from .._types import UserError
-from .arrays import read_arrays
-from .folder import SUFFIXES as PICTURES
-from .folder import read_folder
-from .framing import Framing
-from .records import Records
-from .shapes import SUFFIXES as SHAPES
-from .shapes import is_shape_archive, split_selector
-from .shapes import read_shapes as _read_shapes
+from .readers.arrays import read_arrays
+from .readers.found import Found, chunks, to_floats, white_of
+from .readers.framing import Framing
+from .readers.how import How
+from .readers.paths import find
+from .readers.photographs import find_photographs
+from .readers.shapes import UpAxis, find_volumes
+from .readers.textures import Convention, find_materials
+
+PathLike = str | os.PathLike[str]
+Rows = Tensor | Sequence[int] | slice
 
 
-class Collection(Records):
-    """Items with their names and known latents, from a path or from memory.
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Collection:
+    """N items of one shape. They stay as they came, and `batch` converts them.
 
-    Args:
-        source: a path, a tensor or an array (N, ...), or other records.
-        size: side of the pictures or volumes; else 64 for folders of pictures, 32 for meshes, as stored for arrays.
-        framing: how pictures are framed; else cropped and centred for folders, as they are for arrays.
-        strict: fail on the first file that cannot be used instead of skipping it.
+    >>> masks = Collection(torch.tensor([[[[0, 255]]], [[[255, 255]]]], dtype=torch.uint8), names=["left", "right"])
+    >>> masks
+    Collection(2 items of 1 x 1 x 2 from memory, unknown views)
+    >>> masks.batch([1])
+    tensor([[[[1., 1.]]]])
 
-    Raises:
-        UserError: if the source cannot be used; the message says how to mend it.
+    Attributes:
+        items: (N, C, H, W) pictures, (N, X, Y, Z) volumes or (N, 1, D) line integrals; uint8 or float32, and
+            memory-mapped if they come from a .npy file.
+        names: one name for each item.
+        latents: the known views, name → (N,) float32 (angles in radians); None if unknown.
+        skipped: (name, reason) of each file that was found and not used.
+        source: where the items come from, for messages.
+        white: the stored value that stands for 1.
     """
 
+    items: Tensor
+    names: tuple[str, ...]
+    latents: dict[str, Tensor] | None
+    skipped: tuple[tuple[str, str], ...]
+    source: str
+    white: int
+
     def __init__(
-        self, source: Any, *, size: int | None = None, framing: Framing | None = None, strict: bool = False
+        self,
+        items: Any,
+        *,
+        names: Sequence[str] | None = None,
+        latents: Mapping[str, Any] | None = None,
+        skipped: Sequence[tuple[str, str]] = (),
+        source: str = "memory",
+        white: int | None = None,
     ) -> None:
-        if isinstance(source, (str, os.PathLike)):
-            found = find_records(Path(source), size, framing, strict)
-        else:
-            found = source if isinstance(source, Records) else Records.from_tensor(source)
-        super().__init__(found.items, found.names, found.latents, found.skipped, found.source)
+        """Take the items of a tensor or an array: uint8 and bool as uint8, all others as float32.
+
+        Args:
+            items: (N, ...).
+            names: one for each item; default: their numbers.
+            latents: the known views, name → (N,) values.
+            skipped: (name, reason) of each file that is not used.
+            source: where the items come from, for messages.
+            white: the uint8 value that stands for 1; default: 255 if there is a value above 1, else 1.
+
+        Raises:
+            UserError: if there is no item, a value is not finite, or names or latents are of another length.
+        """
+        items = _checked(_tensor(items), source)
+        names = [f"{i:05d}" for i in range(len(items))] if names is None else names
+        known = None if latents is None else {name: torch.as_tensor(v).float() for name, v in latents.items()}
+        _check_lengths(source, len(items), {"names": names, **(known or {})})
+        values = (items, tuple(names), known, tuple(skipped), source, white or white_of(items))
+        for name, value in zip(self.__dataclass_fields__, values):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def silhouettes(
+        cls, path: PathLike, size: int | None = None, *, framing: Framing | None = None, strict: bool = False
+    ) -> Self:
+        """Read silhouettes (N, 1, H, W): coverage of each pixel by the object, in 8 bits where it was computed.
+
+        Args:
+            path: a folder of masks, cut-outs or photographs on a plain backdrop; or an .npz, .npy or idx file.
+            size: pixels a side; default: 64 for a folder, as stored for arrays.
+            framing: default: thresholded, cropped and centred for a folder, as they are for arrays.
+            strict: fail on the first picture that cannot be used instead of skipping it.
+
+        Raises:
+            UserError: if there is nothing there that can be used.
+        """
+        return cls._of(find(path, How(size, framing=framing, strict=strict)), "pictures")
+
+    @classmethod
+    def images(cls, path: PathLike, size: int | None = None, *, colour: bool = False, strict: bool = False) -> Self:
+        """Read pictures (N, 1, H, W) as they are: neither thresholded nor cropped.
+
+        Args:
+            path: a folder of pictures, or an .npz, .npy or idx file.
+            size: pixels a side: larger pictures are averaged down with their aspect kept, smaller ones get a dark
+                margin, as MNIST's 28² do; default: as stored, which must be one size for all.
+            colour: keep red, green and blue, (N, 3, H, W); default: grey, 0.299 R + 0.587 G + 0.114 B.
+            strict: fail on the first picture that cannot be used instead of skipping it.
+
+        Raises:
+            UserError: if there is nothing there that can be used.
+        """
+        return cls._of(find(path, How(size, images=True, colour=colour, strict=strict)), "pictures")
+
+    @classmethod
+    def lines(cls, path: PathLike) -> Self:
+        """Read line integrals (N, 1, D) from an .npz with an array `lines`, (N, D) or (N, 1, D).
+
+        Raises:
+            UserError: if there are none.
+        """
+        return cls._of(read_arrays(Path(path), How()), "line integrals")
+
+    @classmethod
+    def volumes(
+        cls,
+        path: PathLike,
+        size: int | None = 32,
+        *,
+        up_axis: UpAxis | None = None,
+        classes: tuple[str, ...] = (),
+        split: Literal["train", "test"] | None = None,
+        strict: bool = False,
+    ) -> Self:
+        """Read volumes (N, size, size, size): voxels as they are stored, meshes as the solids inside them.
+
+        Args:
+            path: an .npz, .binvox or mesh file, or a folder; an archive may be followed by `:class/split`.
+            size: voxels a side; None leaves voxels as stored.
+            up_axis: the axis that points up in the files; default: y, but z in packed archives.
+            classes: classes of a packed archive; default: all.
+            split: part of a packed archive; default: train.
+            strict: fail on the first file that cannot be used instead of skipping it.
+
+        Raises:
+            UserError: if there is nothing there that can be used.
+        """
+        found = find_volumes(Path(path), size, up_axis=up_axis, classes=classes, split=split, strict=strict)
+        return cls._of(found, "volumes")
+
+    @classmethod
+    def materials(
+        cls,
+        path: PathLike,
+        size: int | None = None,
+        *,
+        convention: Convention | None = None,
+        strict: bool = False,
+    ) -> Self:
+        """Read material maps (N, 8, H, W), packed as `ops.maps` says, from folders of textures or an .npz of maps.
+
+        Args:
+            path: a folder of textures, or with folders of textures at any depth; or an .npz with `diffuse`,
+                `specular`, `roughness` and `normal`, as `unproject sample` writes them.
+            size: pixels a side, area averages of the largest centred square; default: as stored.
+            convention: what the textures hold; default: perceptual roughness, sRGB colours, OpenGL normals.
+            strict: fail on the first material that cannot be used instead of skipping it.
+
+        Raises:
+            UserError: if there is nothing there that can be used.
+        """
+        return cls(**find_materials(Path(path), size, convention, strict)._asdict())
+
+    @classmethod
+    def photographs(cls, path: PathLike, name: str, size: int, *, strict: bool = False) -> Self:
+        """Read the pictures (N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
+
+        Args:
+            path: a folder with a sub-folder for each observation.
+            name: of a map (`diffuse`, `normal`, ...) or of photographs (`top`, `flash`, ...).
+            size: pixels a side, area averages of the largest centred square.
+            strict: fail on the first picture that cannot be used instead of skipping it.
+
+        Raises:
+            UserError: if there is nothing there that can be used.
+        """
+        return cls(**find_photographs(Path(path), name, size, strict)._asdict())
+
+    @classmethod
+    def _of(cls, found: Found, kind: str) -> Self:
+        if found.kind != kind:
+            raise UserError(f"{found.source}: holds {found.kind}, not {kind}; name a path that holds {kind}")
+        return cls(**found._asdict())
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of one item."""
+        return tuple(self.items.shape[1:])
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def batch(self, rows: Rows) -> Tensor:
+        """Return the items of these rows as float32: items / white."""
+        return to_floats(self.items[rows], self.white)
+
+    def floats(self) -> Tensor:
+        """Return all items as float32; those that are stored so without a copy."""
+        return self.batch(slice(None))
+
+    def subset(self, rows: Rows) -> Self:
+        """Return the collection of these rows, in this order."""
+        places = torch.arange(len(self))[rows]
+        known = None if self.latents is None else {name: v[places] for name, v in self.latents.items()}
+        names = tuple(self.names[i] for i in places.tolist())
+        picked = self.items[rows]
+        return type(self)(
+            picked, names=names, latents=known, skipped=self.skipped, source=self.source, white=self.white
+        )
+
+    def warn_skipped(self) -> Self:
+        """Warn of the files that are not used, if there are any; return the collection."""
+        if self.skipped:
+            total = len(self.skipped) + len(self)
+            name, reason = self.skipped[0]
+            warnings.warn(
+                f"{self.source}: {len(self.skipped)} of {total} skipped, the first: {name}: {reason}", stacklevel=2
+            )
+        return self
+
+    def __repr__(self) -> str:
+        views = "unknown views" if self.latents is None else f"known {', '.join(self.latents)}"
+        shape = " x ".join(map(str, self.shape))
+        return f"{type(self).__name__}({len(self)} items of {shape} from {self.source}, {views})"
 
 
 def read(
-    path: str | os.PathLike[str], *, size: int | None = None, framing: Framing | None = None, strict: bool = False
+    path: PathLike,
+    size: int | None = None,
+    *,
+    pictures: Literal["silhouettes", "images"] = "silhouettes",
+    framing: Framing | None = None,
+    strict: bool = False,
 ) -> Collection:
-    """The collection at a path, whatever its kind: see `Collection`."""
-    return Collection(path, size=size, framing=framing, strict=strict)
+    """Read what a path holds: pictures, volumes or line integrals.
 
-
-def read_images(path: str | os.PathLike[str], size: int) -> Collection:
-    """Pictures (N, 1, size, size), or the line integrals (N, 1, D) that a file holds as `lines`.
-
-    Smaller pictures get a dark margin all around, as MNIST's 28² do; larger ones are resampled.
-
-    Raises:
-        UserError: as `read`, and for pictures of several channels or volumes.
-    """
-    found = read(path)
-    if found.items.dim() == 3 and found.items.shape[1] == 1:
-        return found
-    if found.items.dim() != 4 or found.items.shape[1] != 1:
-        raise UserError(f"{path}: holds no pictures of one channel, but items of shape {tuple(found.items.shape[1:])}")
-    if max(found.items.shape[2:]) > size:
-        found = read(path, size=size)
-    return Collection.from_tensor(padded(found.items, size), found.latents, found.names, found.skipped, found.source)
-
-
-def padded(images: Tensor, size: int) -> Tensor:
-    """Images in the middle of size² zeros."""
-    height, width = (size - side for side in images.shape[2:])
-    return F.pad(images, (width // 2, width - width // 2, height // 2, height - height // 2))
-
-
-def read_shapes(path: str | os.PathLike[str], resolution: int = 32, **options: Any) -> Collection:
-    """The volumes (N, R, R, R) of a 3-D collection; `shapes.read_shapes` has the options."""
-    return Collection(_read_shapes(Path(path), resolution, **options))
-
-
-def find_records(path: Path, size: int | None, framing: Framing | None, strict: bool) -> Records:
-    """Send a path to the reader of its kind.
+    Args:
+        path: a folder of pictures, an .npz, .npy or idx file, or a 3-D collection.
+        size: pixels or voxels a side; default: 64 for a folder of silhouettes, 32 for meshes, else as stored.
+        pictures: read pictures as `Collection.silhouettes` or as `Collection.images` does.
+        framing: of silhouettes.
+        strict: fail on the first file that cannot be used instead of skipping it.
 
     Raises:
-        UserError: if nothing is there, or no reader knows it.
+        UserError: if there is nothing there that can be used; the message says how to fix it.
     """
-    check_size(path, size)
-    file, selector = split_selector(path)
-    if path.is_dir():
-        return _of_folder(path, size, framing, strict)
-    if not file.exists():
-        raise UserError(f"{path}: there is no such file or folder; check the path")
-    if selector or file.suffix.lower() in SHAPES or is_shape_archive(file):
-        return _read_shapes(path, size, strict=strict)
-    if file.suffix.lower() in PICTURES:
-        raise UserError(f"{path}: is one picture; name the folder it lies in")
-    return read_arrays(file, size, framing, strict)
+    return Collection(**find(path, How(size, pictures == "images", framing=framing, strict=strict))._asdict())
 
 
-def check_size(path: Path, size: int | None) -> None:
-    """Refuse sizes nothing can be seen at, and those that fill the memory with one item."""
-    if size is not None and not 4 <= size <= 4096:
-        raise UserError(f"{path}: a size of {size} makes no sense; give 4 to 4096")
+def _tensor(items: Any) -> Tensor:
+    if isinstance(items, (str, os.PathLike)):
+        raise UserError(
+            f"{os.fspath(items)}: a Collection is made of items; read a path with Collection.silhouettes, .images, "
+            ".lines, .volumes, .materials or .photographs"
+        )
+    items = torch.as_tensor(items)
+    return items if items.dtype == torch.uint8 else items.byte() if items.dtype == torch.bool else items.float()
 
 
-def _of_folder(path: Path, size: int | None, framing: Framing | None, strict: bool) -> Records:
-    """Pictures unless there are only shapes."""
-    if holds_only_shapes(path):
-        return _read_shapes(path, size, strict=strict)
-    return read_folder(path, size, framing, strict)
+def _checked(items: Tensor, source: str) -> Tensor:
+    if items.ndim < 1 or items.numel() == 0:
+        raise UserError(f"{source}: holds no items; give at least one")
+    if items.is_floating_point() and not all(bool(torch.isfinite(part).all()) for part in chunks(items)):
+        raise UserError(f"{source}: has values that are NaN or infinite; replace them")
+    return items
 
 
-def holds_only_shapes(path: Path) -> bool:
-    """Whether a folder has files of shapes and no picture."""
-    found = {file.suffix.lower() for file in path.rglob("*") if not file.name.startswith(".")}
-    return bool(found & set(SHAPES)) and not found & set(PICTURES)
+def _check_lengths(source: str, count: int, columns: Mapping[str, Any]) -> None:
+    for name, column in columns.items():
+        if len(column) != count:
+            raise UserError(f"{source}: {count} items but {len(column)} values of {name}; give one for each item")

@@ -1,21 +1,21 @@
-"""Public collections by name, for those who have a network: fetched in pieces, checked, and put in place whole."""
+"""Public collections by name: fetched by pooch, checked, and put in place whole.
+
+The checksum is that of what a gzipped file unpacks to, because mirrors pack again.
+"""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
-import os
-import urllib.error
-import urllib.request
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from http.client import HTTPException
 from pathlib import Path
 
+from .._files import atomic_path
 from .._types import UserError
 
-PIECE, PATIENCE = 2**18, 30
+PIECE, TIMEOUT = 2**18, 30
 
 
 @dataclass(frozen=True)
@@ -46,16 +46,14 @@ def get(
 ) -> tuple[Path, ...]:
     """Fetch a public collection into a folder; files that are there and right are not fetched again.
 
-    A download that was cut off goes on where it stopped. Only files whose content is right get their name.
-
     Args:
         name: of `PUBLIC`.
         folder: made if it is missing.
         mirror: an address to take the files from, in place of the known ones.
-        say: told what happens, a line a file.
+        say: is called with a line for each file.
 
     Raises:
-        UserError: for an unknown name, if nobody answers, or if what came is not what it should be.
+        UserError: for an unknown name, if nobody answers, or if the content is not the expected one.
     """
     if name not in PUBLIC:
         raise UserError(f"data get {name}: there is no such collection; choose {' or '.join(PUBLIC)}")
@@ -71,45 +69,26 @@ def get(
 
 
 def _fetch(target: Path, digest: str, mirrors: tuple[str, ...]) -> None:
-    partial = target.with_name(f".{target.name}.part")
     reasons = []
     for mirror in mirrors:
-        address = f"{mirror.rstrip('/')}/{target.name}"
         try:
-            _download(address, partial)
-        except (OSError, HTTPException, ValueError) as error:
-            reasons.append(f"{mirror}: {getattr(error, 'reason', error)}")
-            continue
-        if _content(partial) == digest:
-            os.replace(partial, target)
-            return
-        partial.unlink()
-        reasons.append(f"{mirror}: what it sent is not the file it should be")
+            return _download(f"{mirror.rstrip('/')}/{target.name}", target, digest)
+        except (OSError, ValueError) as error:  # pooch's and requests' are among them
+            reasons.append(f"{mirror}: {' '.join(str(error).split())[:160]}")
     raise UserError(
-        f"{target}: could not be fetched ({'; '.join(reasons)}); check the network and say it again, which goes on "
-        "where this stopped, or name another address in UNPROJECT_MIRROR, or put the file there yourself"
+        f"{target}: could not be fetched ({'; '.join(reasons)}); check the network and try again, name another address "
+        "in UNPROJECT_MIRROR, or put the file there yourself"
     )
 
 
-def _download(address: str, partial: Path) -> None:
-    """Append to `partial` what it lacks."""
-    have = partial.stat().st_size if partial.exists() else 0
-    request = urllib.request.Request(address, headers={"Range": f"bytes={have}-"} if have else {})
-    try:
-        answer = urllib.request.urlopen(request, timeout=PATIENCE)
-    except urllib.error.HTTPError as error:
-        error.close()
-        if have and error.code == 416:  # nothing lies beyond what is there
-            return
-        raise
-    with answer, partial.open("ab" if have and answer.status == 206 else "wb") as file:
-        announced, came = answer.headers.get("Content-Length"), 0
-        while piece := answer.read(PIECE):
-            came += file.write(piece)
-        file.flush()
-        os.fsync(file.fileno())
-    if announced and came < int(announced):
-        raise OSError(f"broke off after {came} of {announced} bytes")
+def _download(address: str, target: Path, digest: str) -> None:
+    # It takes a second to import, and only this needs it.
+    import pooch
+
+    with atomic_path(target) as temporary:
+        pooch.HTTPDownloader(timeout=TIMEOUT, chunk_size=PIECE)(address, str(temporary), None)
+        if _content(temporary) != digest:
+            raise ValueError("what it sent is not the file it should be")
 
 
 def _content(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Mirror images as further data: they cost nothing and are as true as the originals where left and right are alike."""
+"""Mirror images as further data, right for objects of which there are as many as of their mirror images."""
 
 from __future__ import annotations
 
@@ -7,36 +7,42 @@ from torch import Tensor
 
 from .._types import UserError
 from .collection import Collection
-from .records import Records
 
 SIGNS = {"azimuth": -1.0, "elevation": 1.0}
 
 
-def with_flips(records: Records) -> Collection:
-    """Every item followed by its mirror image, so that what was made of one thing still lies together.
+def with_flips(collection: Collection) -> Collection:
+    """Return every item followed by its mirror image, so that projections of one object still lie together.
 
     A picture (C, H, W) is flipped left to right, a volume (X, Y, Z) along x. Seen from azimuth θ, the mirror image of
-    a thing is the flipped picture of the thing seen from -θ, at any elevation: `latents["azimuth"]` changes its sign.
-    The index `latents["look"]` is dropped, since the flipped picture may belong to another way of looking. Right for
-    things of which there are as many as of their mirror images.
+    an object is the flipped picture of the object seen from -θ, at any elevation: `latents["azimuth"]` changes its
+    sign. The index `latents["view"]` is dropped, since the flipped picture may belong to another observation.
 
     Raises:
         UserError: for items that are neither pictures nor volumes, or for latents other than azimuth and elevation.
     """
-    if records.items.dim() != 4:
-        raise UserError(f"{records.source}: only pictures and volumes can be flipped")
-    latents = records.latents
-    if latents is not None:
-        unknown = sorted(set(latents) - {"look", *SIGNS})
-        if unknown:
-            raise UserError(f"{records.source}: cannot tell what a flip does to {', '.join(unknown)}; leave flips out")
-        latents = {
-            name: _paired(latents[name], sign * latents[name]) for name, sign in SIGNS.items() if name in latents
-        }
-    is_picture = records.items.shape[1] != records.items.shape[3]
-    items = _paired(records.items, records.items.flip(3 if is_picture else 1))
-    names = [paired for name in records.names for paired in (name, f"{name} flipped")]
-    return Collection.from_tensor(items, latents, names, records.skipped, records.source)
+    if collection.items.dim() != 4:
+        raise UserError(f"{collection.source}: only pictures and volumes can be flipped; give either")
+    is_picture = collection.items.shape[1] != collection.items.shape[3]
+    items = _paired(collection.items, collection.items.flip(3 if is_picture else 1))
+    return Collection(
+        items,
+        names=[paired for name in collection.names for paired in (name, f"{name} flipped")],
+        latents=_flipped_views(collection),
+        skipped=collection.skipped,
+        source=collection.source,
+        white=collection.white,
+    )
+
+
+def _flipped_views(collection: Collection) -> dict[str, Tensor] | None:
+    latents = collection.latents
+    if latents is None:
+        return None
+    unknown = sorted(set(latents) - {"view", *SIGNS})
+    if unknown:
+        raise UserError(f"{collection.source}: cannot tell how {', '.join(unknown)} changes in a flip; leave flips out")
+    return {name: _paired(latents[name], sign * latents[name]) for name, sign in SIGNS.items() if name in latents}
 
 
 def _paired(first: Tensor, second: Tensor) -> Tensor:

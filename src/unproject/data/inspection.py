@@ -1,23 +1,26 @@
-"""What a path will be used as: a table of every picture and a contact sheet."""
+"""What a path will be used as: a table of every picture, and the collections that a run would get."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import torch
-from PIL import Image
-from torch import Tensor
-
-from .collection import Collection, check_size, holds_only_shapes
-from .folder import SIZE, VIEWS, read_views, survey_folder
-from .framing import Framing
-from .records import Records
+from .collection import Collection, read
+from .readers.found import Found, check_size
+from .readers.framing import Framing
+from .readers.how import How
+from .readers.patches import material_patches
+from .readers.paths import holds_only_shapes
+from .readers.photographs import photographed
+from .readers.pictures import silhouettes_of, survey_silhouettes
 
 Row = tuple[str, str, str, str]
+ENLARGED = 4
+"""Textures are read at this many times the size of the patches that are cut out of them."""
+PATCHES = 64
 
 
 @dataclass(frozen=True)
@@ -26,12 +29,12 @@ class Inspection:
 
     Attributes:
         source: the path.
-        collection: what a training run would get; None if nothing can be used.
-        rows: (name, size, how it was read, "used" or why it was skipped), one a file or item.
+        collections: what a training run would get, by name: one collection, or one for each observation.
+        rows: (name, size, how it was read, "used" or why it was skipped), one for each file or item.
     """
 
     source: str
-    collection: Records | None
+    collections: Mapping[str, Collection]
     rows: tuple[Row, ...]
 
     @property
@@ -40,7 +43,7 @@ class Inspection:
         return tuple(row for row in self.rows if row[3] != "used")
 
     def table(self, limit: int = 20) -> str:
-        """Text: first what was skipped and why, then how the rest was read, then the totals."""
+        """Return the text: what was skipped and why, how the rest was read, the totals."""
         used = [row for row in self.rows if row[3] == "used"]
         shown = [*self.skipped[:limit], *used[:limit]]
         widths = [max(len(row[k]) for row in shown) for k in range(3)]
@@ -49,82 +52,83 @@ class Inspection:
         return "\n".join([*lines, *([f"... and {left} more"] if left else []), "", *self.summary()])
 
     def summary(self) -> list[str]:
-        """The totals, a line each."""
+        """Return the totals, a line each."""
         used = len(self.rows) - len(self.skipped)
         how = Counter(row[2] for row in self.rows if row[3] == "used")
         lines = [f"{self.source}: {used} used, {len(self.skipped)} skipped"]
         lines += [f"  {count} read as {name}" for name, count in how.most_common()]
-        if self.collection is not None:
-            views = ", ".join(self.collection.latents) if self.collection.latents else "unknown"
-            lines.append(f"  each becomes {' x '.join(map(str, self.collection.items.shape[1:]))}; views: {views}")
+        for name, found in self.collections.items():
+            views = ", ".join(found.latents) if found.latents else "unknown"
+            lines.append(f"  {name}: {len(found)} of {' x '.join(map(str, found.shape))}; views: {views}")
         return lines
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
-        found = self.collection
+        """Return the same for JSON; `shape` and `views` are those of the first collection."""
+        first = next(iter(self.collections.values()), None)
         return {
             "source": self.source,
             "used": len(self.rows) - len(self.skipped),
-            "shape": None if found is None else list(found.items.shape),
-            "views": None if found is None or found.latents is None else list(found.latents),
+            "shape": None if first is None else list(first.items.shape),
+            "views": None if first is None or first.latents is None else list(first.latents),
+            "collections": {name: list(found.items.shape) for name, found in self.collections.items()},
             "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
             "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
         }
 
 
 def inspect(
-    path: Path | str, *, size: int | None = None, framing: Framing | None = None, strict: bool = False
+    path: Path | str,
+    size: int | None = None,
+    *,
+    pictures: Literal["silhouettes", "images"] = "silhouettes",
+    framing: Framing | None = None,
+    strict: bool = False,
 ) -> Inspection:
-    """Read a path as training would, and say what becomes of each part.
+    """Read a path as `read` does, and say what becomes of each part.
 
     Raises:
-        UserError: if there is nothing to look at; pictures that cannot be used are rows, not errors.
+        UserError: if there is nothing there; pictures that cannot be framed are rows, not errors.
     """
     path = Path(path)
     check_size(path, size)
-    if path.is_dir() and not holds_only_shapes(path):
-        return _inspect_folder(path, size or SIZE, framing or Framing(), strict)
-    found = Collection(path, size=size, framing=framing, strict=strict)
-    kind = "line" if found.items.ndim == 3 else "volume" if found.items.shape[1] > 4 else "picture"
-    shape = " x ".join(map(str, found.items.shape[1:]))
-    rows = [(name, "", "", reason) for name, reason in found.skipped]
-    return Inspection(str(path), found, (*rows, *((name, shape, kind, "used") for name in found.names)))
+    if path.is_dir() and pictures == "silhouettes" and not holds_only_shapes(path):
+        return _inspect_silhouettes(path, How(size, framing=framing, strict=strict))
+    found = read(path, size, pictures=pictures, framing=framing, strict=strict)
+    kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.items).kind]
+    return _inspection(path, {f"{kind}s": found}, {f"{kind}s": kind})
 
 
-def _inspect_folder(path: Path, size: int, framing: Framing, strict: bool) -> Inspection:
-    survey = survey_folder(path, size, framing, strict)
+def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> Inspection:
+    """Read a path as the recipes of materials do: pictures of each observation, or patches of texture sets.
+
+    Raises:
+        UserError: if there is nothing there that can be used.
+    """
+    path = Path(path)
+    check_size(path, size)
+    names = photographed(path)
+    if names:
+        found = {name: Collection.photographs(path, name, size, strict=strict) for name in names}
+        return _inspection(path, found, {name: f"picture of {name}" for name in names})
+    whole = Collection.materials(path, None if path.suffix == ".npz" else ENLARGED * size, strict=strict)
+    cut = whole if whole.shape[-1] == size else Collection(material_patches(whole.items, PATCHES, size))
+    read_as = _inspection(path, {"materials": whole}, {"materials": "material"})
+    return Inspection(str(path), {"materials" if cut is whole else "patches": cut}, read_as.rows)
+
+
+def _inspection(path: Path, found: Mapping[str, Collection], kinds: Mapping[str, str]) -> Inspection:
+    skipped = [(name, "", "", reason) for one in found.values() for name, reason in one.skipped]
+    used = [
+        (name, " x ".join(map(str, one.shape)), kinds[key], "used") for key, one in found.items() for name in one.names
+    ]
+    return Inspection(str(path), found, (*skipped, *used))
+
+
+def _inspect_silhouettes(path: Path, how: How) -> Inspection:
+    survey = survey_silhouettes(path, how)
     rows: list[Row] = [(name, "", "", reason) for name, reason in survey.skipped.items()]
-    for name, framed in survey.framed.items():
-        how = "alpha" if framed.channel == "alpha" else f"{framed.channel} on {framed.background} background"
-        rows.append((name, f"{framed.width} x {framed.height}", how, "used"))
-    if not survey.framed:
-        return Inspection(str(path), None, tuple(rows))
-    views = path / VIEWS
-    names = tuple(survey.framed)
-    latents = read_views(views, names, tuple(survey.skipped)) if views.is_file() else None
-    images = torch.stack([framed.image for framed in survey.framed.values()])
-    return Inspection(str(path), Records.from_tensor(images, latents, names, source=str(path)), tuple(rows))
-
-
-def contact_sheet(collection: Records, count: int = 64, columns: int = 8, cell: int = 96) -> Image.Image:
-    """Up to `count` items, evenly spread over the collection, side by side on grey; volumes seen from azimuth 0."""
-    rows = torch.linspace(0, len(collection) - 1, min(count, len(collection))).round().long().unique()
-    columns = min(columns, len(rows))
-    sheet = Image.new("L", (columns * cell, math.ceil(len(rows) / columns) * cell), 128)
-    for k, row in enumerate(rows.tolist()):
-        tile = Image.fromarray((_picture(collection.items[row]) * 255).round().byte().numpy())
-        scale = (cell - 4) / max(tile.size)
-        fit = (max(round(tile.width * scale), 1), max(round(tile.height * scale), 1))
-        tile = tile.resize(fit, Image.Resampling.BOX if scale < 1 else Image.Resampling.NEAREST)
-        sheet.paste(tile, (k % columns * cell + 2, k // columns * cell + 2))
-    return sheet
-
-
-def _picture(item: Tensor) -> Tensor:
-    """(H, W) of a picture (C, H, W), of a volume (X, Y, Z) seen along z, or of a line (C, D) as a graph."""
-    if item.ndim == 2:
-        heights = item.mean(0) / item.max().clamp_min(1e-12)
-        return (heights > 1 - (torch.arange(item.shape[1])[:, None] + 0.5) / item.shape[1]).float()
-    if len(item) <= 4:
-        return item.mean(0).clamp(0, 1)
-    return item.amax(2).T.flip(0).clamp(0, 1)
+    for name, framed in survey.used.items():
+        kind = "alpha" if framed.channel == "alpha" else f"{framed.channel} on {framed.background} background"
+        rows.append((name, f"{framed.width} x {framed.height}", kind, "used"))
+    found = {"silhouettes": Collection(**silhouettes_of(path, survey)._asdict())} if survey.used else {}
+    return Inspection(str(path), found, tuple(rows))

@@ -42,12 +42,3 @@ def batch_rows(
 def permutation(count: int, seed: int, epoch: int, stream: str = "rows") -> Tensor:
     """π_epoch, (count,) int64. Cached, because consecutive steps share it: do not write into it."""
     return torch.randperm(count, generator=generator_at(seed, epoch, stream))
-
-
-def held_out(count: int, share: float, seed: int) -> tuple[Tensor, Tensor]:
-    """Disjoint sorted rows (kept, held out): a seeded `share` of the collection, at least one row, is held out."""
-    if count < 2 or not 0 < share < 1:
-        raise UserError(f"cannot hold out {share} of {count} items; give a share between 0 and 1 of at least 2")
-    cut = min(max(round(count * share), 1), count - 1)
-    order = torch.randperm(count, generator=generator_at(seed, 0, "held out"))
-    return order[cut:].sort().values, order[:cut].sort().values

@@ -34,6 +34,18 @@ class Domain(ABC):
         name: of one sample, and the key of the samples in an .npz.
         previewed: how many samples a preview shows.
         scored: how many samples are scored (default of `unproject evaluate --n`).
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> from PIL import Image
+        >>> class Signals(up.Domain):
+        ...     name = "signal"
+        ...     def preview(self, x):
+        ...         return Image.fromarray((255 * x.clamp(0, 1)).byte().numpy())
+        >>> Signals().preview(torch.rand(3, 8)).size
+        (8, 3)
+        >>> sorted(Signals().exporters)
+        ['npz', 'png']
     """
 
     name: ClassVar[str] = "sample"
@@ -43,6 +55,10 @@ class Domain(ABC):
     @abstractmethod
     def preview(self, x: Tensor) -> Image.Image:
         """Draw samples x (N, ...) as one picture."""
+
+    def is_empty(self, x: Tensor) -> bool:
+        """Whether there is nothing to be seen in any of these samples."""
+        return False
 
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         """Return samples as the arrays that `unproject sample` writes."""

@@ -11,7 +11,7 @@ from PIL import Image
 from torch import Tensor
 
 from .. import export
-from ..data import Collection, read_images
+from ..data import Collection, read
 from ..metrics import Score, image_scores, line_scores
 from ..projections.observation import Observation
 from .domain import Domain
@@ -20,7 +20,16 @@ from .views import cover_half_a_turn, free_turns, view_bins
 
 @dataclass(frozen=True)
 class Images(Domain):
-    """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`."""
+    """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`.
+
+    Examples:
+        >>> import unproject as up
+        >>> digits = up.data.digits(32)
+        >>> {name: part.shape for name, part in up.Images().arrays(digits[:4]).items()}
+        {'image': (4, 1, 32, 32)}
+        >>> up.Images().preview(digits[:64]).size[0] > 256
+        True
+    """
 
     name: ClassVar[str] = "image"
     previewed: ClassVar[int] = 64
@@ -28,6 +37,9 @@ class Images(Domain):
 
     def preview(self, x: Tensor) -> Image.Image:
         return export.silhouette_sheet(x, scale=2)
+
+    def is_empty(self, x: Tensor) -> bool:
+        return not bool((x > 0.5).any())
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return image_scores(x, reference, bins=turns, seed=seed)
@@ -47,4 +59,4 @@ class Images(Domain):
         return cover_half_a_turn(observations)
 
     def read(self, path: Path, size: int) -> Collection:
-        return read_images(path, size)
+        return read(path, size, pictures="images")

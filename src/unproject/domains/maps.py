@@ -14,7 +14,7 @@ from PIL import Image
 from torch import Tensor
 
 from .. import export
-from ..data import Collection, procedural_probes, read_materials
+from ..data import Collection, procedural_probes
 from ..metrics import Score, material_scores, patch_distance
 from ..ops.maps import pack_maps, unpack_maps
 from ..ops.microfacet import Reflection
@@ -32,6 +32,11 @@ class Maps(Domain):
 
     Args:
         fresnel: what the specular albedo means, see `ops.microfacet.Reflection`.
+
+    Examples:
+        >>> import unproject as up
+        >>> sorted(up.Maps().arrays(up.data.wood(1, 16, 0)))
+        ['diffuse', 'fresnel', 'normal', 'roughness', 'specular']
     """
 
     name: ClassVar[str] = "maps"
@@ -58,7 +63,7 @@ class Maps(Domain):
         return {"patch": Score(found.mean, how, len(y), seed)}
 
     def read(self, path: Path, size: int) -> Collection:
-        return Collection(read_materials(path, size)[0])
+        return Collection.materials(path, size).warn_skipped()
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

@@ -25,7 +25,15 @@ CRUMB = 0.01
 
 @dataclass(frozen=True)
 class Volumes(Domain):
-    """Shapes as occupancy (N, X, Y, Z) in [0, 1], y up; turned about y by an unknown view's `azimuth`."""
+    """Shapes as occupancy (N, X, Y, Z) in [0, 1], y up; turned about y by an unknown view's `azimuth`.
+
+    Examples:
+        >>> import unproject as up
+        >>> sorted(up.Volumes().exporters)
+        ['gif', 'glb', 'npz', 'obj', 'ply', 'png', 'vox']
+        >>> up.Volumes().checks(up.data.chairs(4, 32))["empty"].value
+        0.0
+    """
 
     name: ClassVar[str] = "volume"
     previewed: ClassVar[int] = 6
@@ -33,6 +41,9 @@ class Volumes(Domain):
 
     def preview(self, x: Tensor) -> Image.Image:
         return export.contact_sheet(x, size=96)
+
+    def is_empty(self, x: Tensor) -> bool:
+        return not bool((x > 0.5).any())
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return shape_scores(x, reference, bins=turns, seed=seed)

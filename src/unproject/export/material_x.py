@@ -29,7 +29,7 @@ from unproject.export.materials import (
     Material,
     Sheet,
     as_materials,
-    kind_of,
+    storage_of,
     unit_reflectance,
     write_folders,
     write_maps,
@@ -62,10 +62,10 @@ def material_x(
     eta: float = 1.5,
 ) -> Written:
     """`material_maps`, and material.mtlx in each folder."""
-    materials, kind = as_materials(maps, fresnel, eta), kind_of(depth)
+    materials, storage = as_materials(maps, fresnel, eta), storage_of(depth)
 
     def write(folder: Path, material: Material) -> None:
-        sheets = write_maps(folder, material, kind, fresnel, eta)
+        sheets = write_maps(folder, material, storage, fresnel, eta)
         lobe = lobe_for(float(material.specular.max()), fresnel, eta)
         save(folder / "material.mtlx", document(sheets, lobe))
 

@@ -6,7 +6,7 @@ From the maps of `ops.maps` (linear; roughness m is the RMS slope, Beckmann's al
     specular      F0 = k_s · ((eta - 1) / (eta + 1))²     reflectance at normal incidence, if fresnel is "eta"
                   F0 = k_s                                if it is "albedo"
     roughness     r = √m                                  perceptual: tools square it to get alpha
-    normal        v = (n + 1) / 2                         OpenGL's kind: x right, y up in the picture
+    normal        v = (n + 1) / 2                         OpenGL's convention: x right, y up in the picture
 
 Base colour is sRGB encoded in PNG and linear in EXR; all else is linear. A picture that cannot hold values above 1
 holds them divided by a scale, and the note says so.
@@ -29,7 +29,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
-from unproject._openimage import Depth, write_picture
+from unproject._pictures import Depth, write_picture
 from unproject._types import UserError
 from unproject.export._volumes import Written, save
 from unproject.ops.maps import check_maps, unpack_maps
@@ -38,7 +38,7 @@ Fresnel = Literal["eta", "albedo"]
 MapDepth = Literal["8", "16", "half", "float"]
 
 
-class Kind(NamedTuple):
+class Storage(NamedTuple):
     """A way of storing pictures and the largest number it holds."""
 
     suffix: str
@@ -46,11 +46,11 @@ class Kind(NamedTuple):
     largest: float
 
 
-_KINDS: dict[str, Kind] = {
-    "8": Kind("png", "uint8", 1),
-    "16": Kind("png", "uint16", 1),
-    "half": Kind("exr", "half", 65504),
-    "float": Kind("exr", "float", math.inf),
+_STORAGE: dict[str, Storage] = {
+    "8": Storage("png", "uint8", 1),
+    "16": Storage("png", "uint16", 1),
+    "half": Storage("exr", "half", 65504),
+    "float": Storage("exr", "float", math.inf),
 }
 _MEANING = {
     "basecolor": "diffuse albedo k_d",
@@ -102,15 +102,15 @@ def material_maps(
         UserError: maps that are no material, or a path that is no folder. OSError: the disk. A new folder appears
             whole or not at all; into one that exists whole files are moved once all are written, the note last.
     """
-    materials, kind = as_materials(maps, fresnel, eta), kind_of(depth)
-    return write_folders(materials, path, lambda folder, m: write_maps(folder, m, kind, fresnel, eta))
+    materials, storage = as_materials(maps, fresnel, eta), storage_of(depth)
+    return write_folders(materials, path, lambda folder, m: write_maps(folder, m, storage, fresnel, eta))
 
 
-def kind_of(depth: MapDepth) -> Kind:
-    """How pictures of this depth are stored."""
-    if depth not in _KINDS:
-        raise UserError(f"depth: there is no {depth!r}; use one of {', '.join(_KINDS)}")
-    return _KINDS[depth]
+def storage_of(depth: MapDepth) -> Storage:
+    """Return how pictures of this depth are stored."""
+    if depth not in _STORAGE:
+        raise UserError(f"depth: there is no {depth!r}; use one of {', '.join(_STORAGE)}")
+    return _STORAGE[depth]
 
 
 def as_materials(maps: ArrayLike, fresnel: Fresnel, eta: float) -> dict[str, Material]:
@@ -145,19 +145,19 @@ def unit_reflectance(fresnel: Fresnel, eta: float) -> float:
     return 1.0 if fresnel == "albedo" else ((eta - 1) / (eta + 1)) ** 2
 
 
-def write_maps(folder: Path, material: Material, kind: Kind, fresnel: Fresnel, eta: float) -> dict[str, Sheet]:
+def write_maps(folder: Path, material: Material, storage: Storage, fresnel: Fresnel, eta: float) -> dict[str, Sheet]:
     """The four pictures and material.json into a folder; what was written, by the map's name."""
-    sheets = {name: _picture(folder, name, value, kind) for name, value in material._asdict().items()}
+    sheets = {name: _picture(folder, name, value, storage) for name, value in material._asdict().items()}
     note = _note(material, sheets, fresnel, eta)
     save(folder / "material.json", json.dumps(note, indent=2, ensure_ascii=False) + "\n")
     return sheets
 
 
-def _picture(folder: Path, name: str, values: np.ndarray, kind: Kind) -> Sheet:
-    encoding = "sRGB" if name == "basecolor" and kind.suffix == "png" else "linear"
-    sheet = Sheet(f"{name}.{kind.suffix}", kind.stored, encoding, scale_of(values, kind.largest))
+def _picture(folder: Path, name: str, values: np.ndarray, storage: Storage) -> Sheet:
+    encoding = "sRGB" if name == "basecolor" and storage.suffix == "png" else "linear"
+    sheet = Sheet(f"{name}.{storage.suffix}", storage.stored, encoding, scale_of(values, storage.largest))
     pixels = (values + 1) / 2 if name == "normal" else values / np.float32(sheet.scale)
-    write_picture(folder / sheet.file, to_srgb(pixels) if encoding == "sRGB" else pixels, kind.stored)
+    write_picture(folder / sheet.file, to_srgb(pixels) if encoding == "sRGB" else pixels, storage.stored)
     return sheet
 
 

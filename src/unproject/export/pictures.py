@@ -26,6 +26,7 @@ AZIMUTHS = tuple(math.radians(a) for a in (30, 120, 210, 300))
 _LABEL = 16
 _INK = (120, 120, 120)
 _LARGEST_GIF = 5_000_000
+_QUALITY = {"JPEG": 92, "WEBP": 80}
 
 
 def contact_sheet(
@@ -36,7 +37,6 @@ def contact_sheet(
     elevation: float = ELEVATION,
     size: int = 192,
     names: Sequence[str] | None = None,
-    across: bool = False,
 ) -> Image.Image:
     """Every shape (a row) seen from every azimuth (a column), all at one scale.
 
@@ -45,16 +45,13 @@ def contact_sheet(
         path: where to write the picture too, by its suffix (.png).
         azimuths, elevation: of the cameras, radians.
         size: pixels of one view.
-        names: labels of the shapes; their numbers if left out.
-        across: a shape is a column and a view a row.
+        names: labels of the shapes; default: their numbers.
     """
     batch = as_batch(volumes)
     extent = fitted_extent(batch, elevation)
     views = np.stack([[render(s, a, elevation, size, extent) for a in azimuths] for s in map(solid, batch)])
     shapes = [str(i) for i in range(len(batch))] if names is None else list(names_for(batch, names))
     degrees = [f"{math.degrees(a):.0f}°" for a in azimuths]
-    if across:
-        return _kept(_labelled(_joined(views.swapaxes(0, 1)), size, shapes, degrees), path)
     return _kept(_labelled(_joined(views), size, degrees, shapes), path)
 
 
@@ -90,7 +87,37 @@ def silhouette_sheet(
         raise UserError(f"cannot show an array of shape {masks.shape}: silhouettes are (N, 1, H, W) with N at least 1")
     grey = (255 * (1 - np.clip(masks, 0, 1))).round().astype(np.uint8).repeat(scale, 1).repeat(scale, 2)
     framed = np.pad(grey, ((0, 0), (0, 1), (0, 1)), constant_values=210)
-    return _kept(Image.fromarray(_joined(_in_grid(framed[..., None].repeat(3, -1), columns))), path)
+    return _kept(Image.fromarray(_joined(_in_grid(framed[..., None].repeat(3, -1), columns))), path, lossless=True)
+
+
+def picture_sheet(
+    pictures: Tensor, path: str | PathLike[str] | None = None, *, columns: int = 8, cell: int = 96
+) -> Image.Image:
+    """(N, 1 or 3, H, W) pictures in [0, 1] as they are, in a grid on grey, each fitted into a cell of `cell` pixels.
+
+    Raises:
+        UserError: another number of axes or channels, or no pictures.
+    """
+    if pictures.dim() != 4 or pictures.shape[1] not in (1, 3) or not pictures.numel():
+        raise UserError(f"cannot show an array of shape {tuple(pictures.shape)}: pictures are (N, 1 or 3, H, W)")
+    pixels = pictures.detach().cpu().clamp(0, 1).mul(255).round().byte().expand(-1, 3, -1, -1).movedim(1, 3).numpy()
+    columns = min(columns, len(pixels))
+    sheet = Image.new("RGB", (columns * cell, math.ceil(len(pixels) / columns) * cell), (128, 128, 128))
+    scale = (cell - 4) / max(pixels.shape[1:3])
+    height, width = (max(round(side * scale), 1) for side in pixels.shape[1:3])
+    for k, picture in enumerate(pixels):
+        resampling = Image.Resampling.BOX if scale < 1 else Image.Resampling.NEAREST
+        place = (k % columns * cell + 2, k // columns * cell + 2)
+        sheet.paste(Image.fromarray(picture).resize((width, height), resampling), place)
+    return _kept(sheet, path)
+
+
+def graphs(lines: Tensor) -> Tensor:
+    """Line integrals (N, 1, D) as pictures (N, 1, D, D) of their graphs, each as high as its largest value."""
+    count = lines.shape[2]
+    heights = lines / lines.amax(2, keepdim=True).clamp_min(1e-12)
+    levels = 1 - (torch.arange(count, device=lines.device)[:, None] + 0.5) / count
+    return (heights[:, :, None] > levels).float()
 
 
 def material_sheet(
@@ -200,10 +227,11 @@ def save_image(picture: Image.Image, path: str | PathLike[str]) -> None:
     _kept(picture, path)
 
 
-def _kept(picture: Image.Image, path: str | PathLike[str] | None) -> Image.Image:
+def _kept(picture: Image.Image, path: str | PathLike[str] | None, lossless: bool = False) -> Image.Image:
+    """Save the picture, if a path is given. WebP is smaller lossless where there are few grey levels."""
     if path is not None:
-        content = io.BytesIO()
-        picture.save(content, _format(Path(path)), quality=92)  # where the format has such a thing
+        content, name = io.BytesIO(), _format(Path(path))
+        picture.save(content, name, quality=_QUALITY.get(name, 100), lossless=lossless)
         save(Path(path), content.getvalue())
     return picture
 

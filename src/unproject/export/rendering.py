@@ -1,7 +1,7 @@
 """Shaded orthographic views of volumes, in numpy alone: triangles in, z-buffer, clay out. No OpenGL, no window.
 
 The picture shows the same surface that `meshes.glb` writes. Light is fixed to the camera, so that every view of a
-turntable is lit alike; what the eye judges shape by is soft shadow, occlusion in creases and a shadow on the floor.
+turntable is lit alike; what shows a shape is soft shadow, occlusion in creases and a shadow on the floor.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ELEVATION = math.radians(20)
 
 @dataclass(frozen=True)
 class Solid:
-    """A volume made ready to be looked at from anywhere: its surface, and how open the sky is at each vertex."""
+    """A volume made ready for rendering from any direction: its surface, and how open the sky is at each vertex."""
 
     vertices: np.ndarray
     normals: np.ndarray

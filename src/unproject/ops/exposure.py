@@ -1,7 +1,8 @@
-"""From linear radiance to the values of a photograph: gamma 2.2 and a clamp at 1."""
+"""From linear radiance to the values of a photograph, gamma 2.2 and a clamp at 1; and back from sRGB."""
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
 
 GAMMA = 2.2
@@ -18,3 +19,8 @@ def develop(radiance: Tensor, gamma: float = GAMMA) -> Tensor:
     """
     lit = radiance.clamp(min=TOE) ** (1 / gamma)
     return (lit * (radiance / TOE).clamp(0, 1)).clamp(max=1)
+
+
+def linear_from_srgb(v: Tensor) -> Tensor:
+    """IEC 61966-2-1: v/12.92 up to 0.04045, ((v + 0.055)/1.055)^2.4 above."""
+    return torch.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import ndimage, sparse
+from scipy import ndimage
 from skimage.measure import marching_cubes
 
 from unproject._types import UserError
@@ -53,7 +53,7 @@ def isosurface(
     # "ascent" is what makes the faces counter-clockwise from outside for a solid brighter than its surroundings.
     indices, faces, _, _ = marching_cubes(np.pad(clear, 1), level - _CLEARANCE / 2, gradient_direction="ascent")
     vertices = (indices - 0.5) / np.array(v.shape) * 2 - 1
-    return _taubin(vertices, faces, smooth).astype(np.float32), faces.astype(np.int64)
+    return _smoothed(vertices, faces, smooth).astype(np.float32), faces.astype(np.int64)
 
 
 def without_floaters(
@@ -95,20 +95,13 @@ def _checked(volume: ArrayLike, level: float) -> np.ndarray:
     return v
 
 
-def _taubin(vertices: np.ndarray, faces: np.ndarray, rounds: int) -> np.ndarray:
-    """x ← x + λ L x, x ← x - μ L x with L = mean of the neighbours - x."""
+def _smoothed(vertices: np.ndarray, faces: np.ndarray, rounds: int) -> np.ndarray:
+    """x ← x + λ L x, x ← x - μ L x, so many times, with L = mean of the neighbours - x."""
     if rounds == 0:
         return vertices
-    mean = _neighbour_mean(faces, len(vertices))
+    import trimesh  # here, since it takes a second to import
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
     shrink, grow = _TAUBIN
-    for _ in range(rounds):
-        vertices = vertices + shrink * (mean @ vertices - vertices)
-        vertices = vertices - grow * (mean @ vertices - vertices)
-    return vertices
-
-
-def _neighbour_mean(faces: np.ndarray, n: int) -> sparse.csr_matrix:
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    # A closed oriented mesh holds every edge once in each direction, so this is already symmetric.
-    adjacency = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    return sparse.diags(1 / np.maximum(adjacency.sum(axis=1).A1, 1)) @ adjacency
+    trimesh.smoothing.filter_taubin(mesh, shrink, grow, iterations=2 * rounds)
+    return np.asarray(mesh.vertices)

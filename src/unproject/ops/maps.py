@@ -24,14 +24,6 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 UNIT = 0.02  # tolerance of the length of a normal: the error of 8 bits a component
 
 
-def kind_of(x: Tensor) -> Literal["image", "maps", "volume"]:
-    """Tell images (N, up to 4, H, W), maps (N, 8, H, W) and volumes (N, X, Y, Z) apart by their shape."""
-    if x.dim() == 4 and x.shape[1] <= 4:
-        return "image"
-    # 8 × 8 × 8 is a volume: maps of 8 × 8 texels do not occur.
-    return "maps" if x.shape[1] == CHANNELS and x.shape[1:] != (CHANNELS,) * 3 else "volume"
-
-
 def luminance(colour: Tensor) -> Tensor:
     """Return the luminance (..., 1, H, W) of linear colours (..., 3, H, W)."""
     return (colour * colour.new_tensor(LUMINANCE)[:, None, None]).sum(-3, keepdim=True)

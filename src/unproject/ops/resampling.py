@@ -1,4 +1,4 @@
-"""Trilinear sampling of volumes, and the rays along which a camera samples them.
+"""Trilinear sampling of volumes, the rays along which a camera samples them, and shares of intervals.
 
 Rays are in picture order: (B, row, column, sample, 3), row 0 the top, samples from the nearest to the farthest.
 """
@@ -18,6 +18,16 @@ HALF_DEPTH = 1.5
 def centres(count: int, like: Tensor) -> Tensor:
     """Return the centres (count,) of equal cells of [-1, 1], with the dtype and device of `like`."""
     return (torch.arange(count, dtype=like.dtype, device=like.device) * 2 + 1 - count) / count
+
+
+def interval_shares(source: Tensor, target: Tensor) -> Tensor:
+    """(m, n): the share of target interval i, between edges i and i + 1, that lies in source interval j.
+
+    Area averages of n values between the n + 1 rising edges `source` are `interval_shares(source, target) @ values`.
+    """
+    low, high = target[:-1, None], target[1:, None]
+    shared = torch.minimum(high, source[1:]) - torch.maximum(low, source[:-1])
+    return shared.clamp(min=0) / (high - low)
 
 
 def depth_range(resolution: int, samples: int | None = None) -> tuple[int, float]:

@@ -1,4 +1,4 @@
-"""Projections y = P(x, θ), priors over their latents θ, and observations, which pair the two."""
+"""Projections: forward operators, priors over their latents, and observations, which pair the two."""
 
 from .base import Identity, Projection
 from .line_integral import LineIntegral, directions

@@ -20,7 +20,7 @@ from ..adversarial.augmentation import Shift
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..assignment import GaussianInitialiser, Panel, Predicted
-from ..data import Collection, observe, read_images
+from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
 from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
 from ..projections.line_integral import LineIntegral, directions
@@ -176,7 +176,9 @@ def line_panel(
     With `whole`, unknown directions may lie anywhere around. If they were confined to one half of a turn, images that
     are turned would need lines read from the other end, and could never come right.
     """
-    found = Collection(embedded_digits(scan.size)) if data is None else read_images(data, scan.size)
+    found = Collection(embedded_digits(scan.size)) if data is None else read(data, scan.size, pictures="images")
+    if found.shape[0] != 1:
+        raise UserError(f"{data}: holds volumes; images are learned from pictures or line integrals")
     measured = found.items.dim() == 3
     line_integral = LineIntegral(found.items.shape[2] if measured else scan.size)
     observations = directions(scan.bins, math.radians(scan.spread), line_integral)

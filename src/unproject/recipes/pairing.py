@@ -41,7 +41,7 @@ def panel_of(
     if views == "direct":
         return Panel([Observation("itself", Identity())], collection)
     if views == "known":
-        return Panel(observations, by_view(collection, observations), Known())
+        return Panel(*by_view(collection, observations), Known())
     unknown = {"learned": LearnedPrior(), "single": Unassigned()}
     return Panel(observations, collection, unknown.get(views) or predicted or frequent_rounds(40, 0.8))
 

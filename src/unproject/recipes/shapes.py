@@ -23,6 +23,7 @@ from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training import Adam, Options, Recipe, resumable
+from ..training.estimate import require_memory
 from .pairing import Views, five_rounds, frequent_rounds, panel_of
 
 PROCEDURAL_CHAIRS = 1000
@@ -136,7 +137,7 @@ def shapes_paper(
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0).
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
-        binary: threshold rendered silhouettes at one half.
+        binary: threshold rendered silhouettes at one half, as the paper's are.
         seed: of the weights, of every draw, and of the rendered silhouettes.
         channels: of the generator's 4³ level.
         discriminator_channels: of the discriminator's first level.
@@ -216,6 +217,8 @@ def silhouettes_of(
 def read_or_make(data: Path | None, size: int) -> Collection:
     """Read the collection of a path; without one, make procedural chairs."""
     if data is None:
+        made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels"
+        require_memory(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
         return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
     found = read(data, size=size)
     if found.items.dim() != 4:

@@ -1,4 +1,4 @@
-"""The paper's figures, reproduced: arms trained, scored and kept, claims judged, reports written."""
+"""Reproduce the paper's figures: train arms, score them, store results, test claims, write reports."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from pathlib import Path
 
 from .._objects import nearest
 from .._types import UserError
+from .claim_results import Report
 from .figure import Arm, Claim, Figure, Verdict, overall, verdict
 from .figures import FIGURES
-from .judging import Report
 from .report import write, write_summary
-from .running import Where, finish, is_kept, noting, score_finished
+from .running import Settings, collecting, has_result, score_finished, train_missing
 from .scoring import score_truth
 from .structure import STRUCTURES, structure
 
@@ -18,7 +18,11 @@ NAMES = (*STRUCTURES, *FIGURES)
 
 
 def figures_of(name: str) -> tuple[Figure, ...]:
-    """The figure of a name, or every one. Raises UserError for an unknown one."""
+    """Return the figure of this name, or all.
+
+    Raises:
+        UserError: there is no such figure.
+    """
     if name == "all":
         return tuple(FIGURES.values())
     if name not in FIGURES:
@@ -28,50 +32,55 @@ def figures_of(name: str) -> tuple[Figure, ...]:
     return (FIGURES[name],)
 
 
-def arms_of(figure: Figure, where: Where) -> tuple[Arm, ...]:
-    """Those of the embedded worlds, and with real collections the others too."""
-    return (*figure.arms, *(figure.real if where.data else ()))
+def arms_of(figure: Figure, settings: Settings) -> tuple[Arm, ...]:
+    """Return the arms of the embedded data, and with `--data` those of real collections too."""
+    return (*figure.arms, *(figure.real if settings.data else ()))
 
 
-def report_of(figure: Figure, where: Where) -> Report:
-    """From all that is kept, whoever computed it."""
+def report_of(figure: Figure, settings: Settings) -> Report:
+    """Return the report of all stored results, of whatever seeds."""
     arms = (*figure.arms, *figure.real)
-    results = {(arm.name, seed): kept for arm in arms for seed, kept in where.results(arm).items()}
+    results = {(arm.name, seed): result for arm in arms for seed, result in settings.results(arm).items()}
     for arm in arms:
-        for seed in where.results(arm):
-            is_kept(arm, seed, where)
+        for seed in settings.results(arm):
+            has_result(arm, seed, settings)
     sources = dict.fromkeys(arm.source for arm in arms)
-    truths = {kept.arm: kept for source in sources for kept in where.truths(source).values() if kept.exists}
+    truths = {truth.arm: truth for source in sources for truth in settings.truths(source).values() if truth.exists}
     return Report(figure, results, truths)
 
 
-def reproduce(name: str, where: Where, seeds: int, out: Path, train: bool = True) -> tuple[Report, ...]:
-    """Train and score what is missing, a seed after the other, and write the reports of a figure, or of all.
+def reproduce(name: str, settings: Settings, seeds: int, out: Path, train: bool = True) -> tuple[Report, ...]:
+    """Train and score missing results, one seed after another, and write the reports of a figure, or of all.
 
-    Without `train`, only what is there is scored and reported. Reports are of every seed that is kept.
+    Args:
+        name: of the figure, or all.
+        settings: folders and share of the machine.
+        seeds: trainings of each arm; reports contain every stored seed.
+        out: folder of the reports.
+        train: whether to train; else finished runs are scored and stored results reported.
 
     Raises:
-        UserError: if a training or a score fails, after the reports are written; if there is nothing to report.
+        UserError: a training or a score fails (after the reports are written), or there is nothing to report.
     """
     chosen = figures_of(name)
-    arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, where)}
+    arms = {arm.name: arm for figure in chosen for arm in arms_of(figure, settings)}
     jobs = [(arm, seed) for seed in range(seeds) for arm in arms.values()]
-    trouble: list[str] = []
-    with noting(trouble):
-        (finish if train else score_finished)(jobs, where)
-    for source, place in {arm.source: where.place(arm) for arm in arms.values() if where.results(arm)}.items():
-        with noting(trouble):
-            score_truth(source, place, where.truths(source), {"budget": where.budget, "size": place.size})
-    reports = tuple(report_of(figure, where) for figure in chosen)
-    if not any(report.kept for report in reports):
-        nothing = f"{where.kept}: nothing is kept there; run without --report to train it"
-        raise UserError("; ".join(trouble) or nothing)
+    failures: list[str] = []
+    with collecting(failures):
+        (train_missing if train else score_finished)(jobs, settings)
+    for source, place in {arm.source: settings.place(arm) for arm in arms.values() if settings.results(arm)}.items():
+        with collecting(failures):
+            score_truth(source, place, settings.truths(source), {"budget": settings.budget, "size": place.size})
+    reports = tuple(report_of(figure, settings) for figure in chosen)
+    if not any(report.results for report in reports):
+        nothing = f"{settings.results_folder}: holds no results; run without --report to train"
+        raise UserError("; ".join(failures) or nothing)
     for report in reports:
         write(report, out)
     if name == "all":
         write_summary(reports, out / "all.md")
-    if trouble:
-        raise UserError("; ".join(trouble))
+    if failures:
+        raise UserError("; ".join(failures))
     return reports
 
 
@@ -82,8 +91,8 @@ __all__ = [
     "Claim",
     "Figure",
     "Report",
+    "Settings",
     "Verdict",
-    "Where",
     "figures_of",
     "overall",
     "report_of",

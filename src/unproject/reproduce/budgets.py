@@ -1,4 +1,4 @@
-"""How much of the paper's experiment an arm is: on two cores in minutes, or at full size on a GPU."""
+"""Set the size of each arm: minutes on two CPU cores, or the paper's sizes on a GPU."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import Any
 from .figure import Arm, Budget
 
 MINUTES = 9.0
-"""Of training, in the cpu budget: with its start and its scores an arm takes about ten."""
+"""Of training in the cpu budget; with its start and its scores an arm takes about ten."""
 STEPS = 1400
-"""Of modern materials there, in all arms alike: three to nine minutes of one core that has nothing else to do."""
+"""Of modern recipes of materials in the cpu budget: 2.5 to 15 minutes on one core, by recipe and load."""
+PREDICTOR = {"predictor_steps": 200, "predictor_images": 2048}
+"""Of the paper's view predictor in the cpu budget; the released code has 100,000 and 65,536."""
 
 SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
     "cpu": {
@@ -20,8 +22,7 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
             "channels": 32,
             "discriminator_channels": 16,
             "batch": 8,
-            "predictor_steps": 200,
-            "predictor_images": 2048,
+            **PREDICTOR,
             "minutes": MINUTES,
         },
         "digits": {"size": 32, "minutes": MINUTES},
@@ -41,9 +42,11 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         **dict.fromkeys(("wood-paper", "metal-paper", "plastic-paper"), {"size": 64, "steps": 50_000}),
     },
 }
-"""Flags of each recipe. Those of the paper are smaller in the cpu budget, alike in all arms of a figure, and their view
-predictors, which the released code trains for 100,000 steps a round, are trained for 200."""
+"""Flags of each recipe. In the cpu budget the paper's recipes are smaller, equally in all arms of a figure."""
+OF_ARMS: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {"cpu": {"digits-predicted-paper": PREDICTOR}, "gpu": {}}
+"""Flags of single arms, where not all arms of a recipe take them."""
 
 
 def flags_of(arm: Arm, budget: Budget) -> dict[str, Any]:
-    return {**SIZES[budget][arm.recipe], **arm.flags}
+    """Return the flags of an arm: those of its recipe in this budget, and its own."""
+    return {**SIZES[budget][arm.recipe], **OF_ARMS[budget].get(arm.name, {}), **arm.flags}

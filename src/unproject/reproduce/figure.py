@@ -1,4 +1,4 @@
-"""What a figure of the paper is here: arms that are trained, claims about their scores, and how much of it holds."""
+"""Define a figure of the paper: arms to train, claims about their scores, and the test that decides a claim."""
 
 from __future__ import annotations
 
@@ -14,42 +14,52 @@ Verdict = Literal["holds", "does not hold", "undecided"]
 Budget = Literal["cpu", "gpu"]
 Better = Literal["more", "less"]
 
+NEGLIGIBLE = math.log(1.02)
+"""A mean effect below two per cent leaves a claim undecided, however small the variance between seeds."""
+SMALLEST = 1e-9
+"""Scores are clamped to this before their logarithm is taken."""
+
 
 @dataclass(frozen=True)
 class Arm:
-    """One training: a recipe and the flags that make it this arm.
+    """One training: a recipe and its flags.
 
     Attributes:
-        name: of its results; the same in every figure that shows it, so that nothing is trained twice.
-        recipe: a built-in recipe.
-        source: of `sources.SOURCES`: what it learns from, and what it is scored against.
-        says: the same in words, for the table.
-        flags: of the recipe, besides the budget's and the source's.
+        name: of its results. An arm that several figures show has the same name in each, and is trained once.
+        recipe: name of a built-in recipe.
+        source: key of `sources.SOURCES`: the training data and the reference of its scores.
+        description: of the arm in one line, for the report.
+        flags: of the recipe, besides those of the budget and of the source.
     """
 
     name: str
     recipe: str
     source: str
-    says: str
+    description: str
     flags: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def of_paper(self) -> bool:
+        """Whether the recipe is one of the paper's."""
+        return self.recipe.endswith("-paper")
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Of an arm's score against another's, or against a number.
+    """A claim that one arm's score beats another arm's, or a number, by a factor.
 
-    The effect at one seed is a logarithm, positive if it is as claimed: of `than`'s score over `better`'s and over
-    `factor`; without `than`, of `factor` over `better`'s score. With `higher` both are the other way round. Several
-    scores count as their geometric mean.
+    The effect at one seed is log(score of `than` / score of `better` / factor), positive where the claim is true.
+    Without `than` it is log(factor / score of `better`). With `higher` both signs are reversed, as more is better then.
+    For several scores, their geometric mean is taken.
 
     Attributes:
-        text: what is claimed.
-        better: the arm that is said to be better.
-        than: the arm it is compared with; none if empty.
-        scores: names of scores.
+        text: the claim in words.
+        better: name of the arm that the claim says is better.
+        than: name of the arm that it is compared with; empty for a comparison with `factor` itself.
+        scores: names of the scores.
         factor: how many times better; or the number itself.
-        higher: whether more is better.
-        ours: whether it goes beyond the paper, and says nothing of the paper's figure.
+        higher: whether a higher score is better.
+        beyond_paper: whether the claim is this project's own, and does not count for the verdict on the figure.
     """
 
     text: str
@@ -58,32 +68,25 @@ class Claim:
     scores: tuple[str, ...]
     factor: float = 1.0
     higher: bool = False
-    ours: bool = False
+    beyond_paper: bool = False
 
     def effect(self, better: Mapping[str, float], than: Mapping[str, float] | None = None) -> float:
-        level, wanted = self.level(better), math.log(self.factor)
+        """Return the effect of one seed, from the scores of both arms."""
+        level, threshold = self.level(better), math.log(self.factor)
         other = self.level(than) if than is not None else 0.0
         if than is None:
-            return level - wanted if self.higher else wanted - level
-        return (level - other if self.higher else other - level) - wanted
+            return level - threshold if self.higher else threshold - level
+        return (level - other if self.higher else other - level) - threshold
 
     def level(self, values: Mapping[str, float]) -> float:
-        """The mean logarithm of the scores."""
-        return mean(math.log(max(values[score], LEAST)) for score in self.scores)
+        """Return the mean logarithm of the scores."""
+        return mean(math.log(max(values[score], SMALLEST)) for score in self.scores)
 
 
 def ahead_of_paper(ours: str, paper: str, scores: tuple[str, ...]) -> Claim:
-    """This project's aim, beyond the paper."""
+    """Return the claim that an arm has at most a third of the distance of the paper's recipe."""
     text = "At most a third of the distance of the paper's own recipe in the same budget"
-    return Claim(text, ours, paper, scores, factor=3, ours=True)
-
-
-NARROW = (
-    "Networks, batches and samples of a rendering are smaller for the paper's recipe in the cpu budget, alike in all "
-    "its arms: full ones take days there."
-)
-NOTHING = math.log(1.02)  # two per cent: less is nothing to speak of, however often it is the same
-LEAST = 1e-9  # a score of nothing at all still has a logarithm
+    return Claim(text, ours, paper, scores, factor=3, beyond_paper=True)
 
 
 @dataclass(frozen=True)
@@ -92,42 +95,49 @@ class Figure:
 
     Attributes:
         name: fig7.
-        title: what it shows.
-        claim: the paper's, in one sentence.
-        says: what the paper says of it.
-        arms: what is trained.
-        real: what is trained besides where there are real collections.
-        claims: what is measured of it.
-        also: further scores for the table, and whether more or less of each is better.
+        title: what the figure shows.
+        claim: the paper's claim, in one sentence.
+        paper_says: what the paper reports for it.
+        arms: trained on embedded data.
+        real: trained besides where `--data` is given.
+        claims: tested on the scores of the arms.
+        extra_scores: further columns of the score table, and whether more or less of each is better.
         caption: of the picture.
-        deviations: from the paper, each with its reason.
-        shows: in the picture: what arms make, or training images grouped by predicted view.
+        deviations: from the paper in this figure, each with its reason.
+        no_paper_arm: why no arm has the paper's recipe; empty where one has.
+        shows: contents of the picture: samples of the arms, or training images grouped by predicted view.
     """
 
     name: str
     title: str
     claim: str
-    says: str
+    paper_says: str
     arms: tuple[Arm, ...] = ()
     real: tuple[Arm, ...] = ()
     claims: tuple[Claim, ...] = ()
-    also: Mapping[str, Better] = field(default_factory=dict)
+    extra_scores: Mapping[str, Better] = field(default_factory=dict)
     caption: str = ""
     deviations: tuple[str, ...] = ()
-    shows: Literal["things", "views"] = "things"
+    no_paper_arm: str = ""
+    shows: Literal["samples", "views"] = "samples"
+
+    @property
+    def label(self) -> str:
+        """Fig. 7."""
+        return self.name.replace("fig", "Fig. ")
 
     @property
     def scores(self) -> dict[str, Better]:
-        """Those of its table, and whether more or less of each is better."""
+        """The columns of its score table, and whether more or less of each is better."""
         of_claims: dict[str, Better] = {
             score: "more" if claim.higher else "less" for claim in self.claims for score in claim.scores
         }
-        return of_claims | dict(self.also)
+        return of_claims | dict(self.extra_scores)
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far apart seeds lie: a variance, and the degrees of freedom with which it is known."""
+    """A variance between seeds and the degrees of freedom of its estimate."""
 
     variance: float
     freedom: int
@@ -137,18 +147,18 @@ class Spread:
 
 
 def pooled(levels: Iterable[Sequence[float]]) -> Spread:
-    """Of the levels of several arms, one a seed: Σ (x - its arm's mean)² / Σ (seeds - 1)."""
+    """Pool the variance of several arms, each a sequence of levels by seed: Σ (x - its arm's mean)² / Σ (seeds - 1)."""
     known = [arm for arm in levels if len(arm) > 1]
     freedom = sum(len(arm) - 1 for arm in known)
     return Spread(sum((len(arm) - 1) * variance(arm) for arm in known) / max(freedom, 1), freedom)
 
 
 def verdict(effects: Sequence[float], spread: Spread) -> Verdict:
-    """Of the effects of a claim, one a seed, each of this spread: Student's t test, five per cent on either side.
+    """Test a claim by its effects, one a seed: Student's t test, five per cent on either side.
 
-    One seed alone, and a mean effect of less than NOTHING, leave it undecided.
+    One seed alone, or a mean effect below NEGLIGIBLE, leaves it undecided.
     """
-    if len(effects) < 2 or spread.freedom < 1 or abs(mean(effects)) < NOTHING:
+    if len(effects) < 2 or spread.freedom < 1 or abs(mean(effects)) < NEGLIGIBLE:
         return "undecided"
     error = math.sqrt(spread.variance / len(effects))
     if abs(mean(effects)) <= float(student.ppf(0.95, spread.freedom)) * error:
@@ -157,7 +167,7 @@ def verdict(effects: Sequence[float], spread: Spread) -> Verdict:
 
 
 def overall(verdicts: Sequence[Verdict]) -> Verdict:
-    """Of a figure: it holds if every claim does, and does not if one does not."""
+    """Return the verdict on a figure: it holds if every claim holds, and does not hold if one does not."""
     if not verdicts or "undecided" in verdicts and "does not hold" not in verdicts:
         return "undecided"
     return "does not hold" if "does not hold" in verdicts else "holds"

@@ -1,9 +1,9 @@
-"""The figures of materials, and what is asked of each."""
+"""Define the figures of materials, Figs. 7 to 11."""
 
 from __future__ import annotations
 
 from ..ops.maps import MAPS
-from .figure import NARROW, Arm, Claim, Figure, ahead_of_paper
+from .figure import Arm, Claim, Figure, ahead_of_paper
 
 PATCHES = tuple(f"patch_{name}" for name in MAPS)
 PHOTOGRAPHS = {"maps": 1000, "renderings": 5000}
@@ -11,7 +11,7 @@ REAL_PHOTOGRAPHS = {"maps": 2246, "renderings": 2000}
 SET_PHOTOGRAPHS = {"maps": 1029, "renderings": 2000}
 LIGHTS = ("flash", "lamp", "top", "ambient")
 AS_MANY = {"renderings": 167}
-"""Three kinds of photographs with as many pictures in all as the paper's two of 250."""
+"""Renderings a kind: three kinds have as many in all as the paper's two kinds of 250."""
 WOOD = Arm(
     "wood-multi", "wood", "wood", "500 of each map, 167 each under a flash, coloured lamps, ambient light", AS_MANY
 )
@@ -26,24 +26,43 @@ WOOD_PAPER = Arm(
     "wood-multi-paper", "wood-paper", "wood", "500 of each map, 250 each from the top and grazing, the paper's recipe"
 )
 OTHER_LIGHT = (
-    "Modern arms see renderings under a flash, coloured lamps and ambient light, 167 each for 250 each, not natural "
-    "light from the top and grazing: there photographs hardly change when maps are exchanged (docs/results.md). "
-    "Recipe and light were chosen in some sixty trials, nearly all of the arm with many projections."
+    "Modern arms have 167 renderings each under a flash, coloured lamps and ambient light, not 250 each from the top "
+    "and grazing under natural light: there renderings hardly change when maps are exchanged between materials "
+    "(docs/results.md). Recipe and light were chosen in some sixty trials, nearly all of the arm with many "
+    "projections."
+)
+NARROW = (
+    "In the cpu budget networks, batches and samples a pixel of the paper's recipe are smaller, equally in all its "
+    "arms: full ones take days there."
+)
+NOT_NEAR = (
+    "In nine minutes `wood-multi-paper`, which has the same maps and renderings as the first arm, ends far from true "
+    "maps (Fig. 7), so that an arm with other projections would say nothing of the claim."
 )
 SHEET = (
     "Each row is a material: diffuse, specular, roughness, normal; under a lamp 29° from the normal, and in a studio, "
     "by a window and under the sky, seen from 0°, 40° and 80°."
 )
-OWN_WOOD = "8,000 woods that artists verified are not public: the embedded wood is procedural, and without end."
+OWN_WOOD = (
+    "The 8,000 woods that artists verified are not public: the embedded wood is procedural, and each collection is "
+    "drawn anew."
+)
+
+MINUTES = {
+    "plastic": "Minutes are unequal, in favour of the paper's recipe: it has nine, this project's 1,400 steps take "
+    "half of that. Arms of procedural plastic were trained alone on the machine, those of real plastic two at a time.",
+    "metal": "Minutes are unequal: this project's arms have 1,400 steps, which took ten to fifteen minutes beside "
+    "other work (the same steps of plastic take under five alone), and the paper's recipe has nine minutes.",
+}
 
 MATERIALS: tuple[Figure, ...] = (
     Figure(
         "fig7",
-        "Wood: many projections against one discriminator of everything",
-        "With as many training images, many projections give woods where a high-dimensional GAN fails.",
-        "500 samples of each map and 250 renderings each from the top and grazing, against 650 samples of all "
-        "maps, which it counts as as many images, 2500. The high-dimensional GAN fails to produce reasonable "
-        "results.",
+        "Wood: several projections against one discriminator of all maps",
+        "With the same number of training images, several projections give plausible woods where a high-dimensional "
+        "GAN fails.",
+        "500 samples of each map and 250 renderings each from the top and grazing, against 650 samples of all maps, "
+        "counted as the same 2,500 images. The high-dimensional GAN fails to produce reasonable results.",
         arms=(
             WOOD,
             Arm("wood-joint", "wood", "wood", "625 with all maps, one discriminator", {"views": "direct", **AS_MANY}),
@@ -71,7 +90,7 @@ MATERIALS: tuple[Figure, ...] = (
                 Claim(f"{name.capitalize()} maps are nearer to true ones", WOOD.name, "wood-joint", (f"patch_{name}",))
                 for name in MAPS
             ),
-            Claim("Maps go together better", WOOD.name, "wood-joint", ("correlation_error",)),
+            Claim("Correlations between maps are nearer to true ones", WOOD.name, "wood-joint", ("correlation_error",)),
             *(
                 Claim(
                     f"The paper's recipe: {name} maps are nearer to true ones",
@@ -88,16 +107,16 @@ MATERIALS: tuple[Figure, ...] = (
             OWN_WOOD,
             OTHER_LIGHT,
             NARROW,
-            "625 samples of all maps, not 650: 625 × 4 are the 2500 images.",
-            "Arms of the paper's recipe have as long each, so one discriminator takes several times as many steps; "
-            "modern arms have as many steps each.",
+            "625 samples of all maps, not 650: 625 × 4 are the 2,500 images.",
+            "Arms of the paper's recipe have the same minutes, so the arm with one discriminator has several times the "
+            "steps; modern arms have the same steps, and differ in minutes.",
         ),
     ),
     Figure(
         "fig8",
-        "How maps go together is learned from renderings",
-        "Selections alone do not tell how maps go together; with renderings, maps that are correlated come out so, and "
-        "others do not.",
+        "Correlations between maps are learned from renderings",
+        "Selections alone leave maps uncorrelated; with renderings, maps that are correlated in the data are "
+        "correlated in the samples, and others are not.",
         "Selections alone: plausible maps without their correlations. A set correlated by design in (diffuse, "
         "normal) and (specular, roughness): correlations and their absence are modelled accurately.",
         arms=(
@@ -107,13 +126,13 @@ MATERIALS: tuple[Figure, ...] = (
                 "correlated",
                 "correlated",
                 "correlated",
-                "correlated by design: 500 of each map, 167 photographs each, as above",
+                "correlated by design: 500 of each map, 167 renderings of each kind, as above",
                 AS_MANY,
             ),
         ),
         claims=(
             Claim(
-                "Maps go together better with renderings than without",
+                "Correlations are nearer to true ones with renderings than without",
                 WOOD.name,
                 "wood-selections",
                 ("correlation_error",),
@@ -126,14 +145,15 @@ MATERIALS: tuple[Figure, ...] = (
                 factor=2.5,
             ),
             Claim(
-                "Correlated by design: (diffuse, normal) and (specular, roughness) are off by 0.15 at worst",
+                "Correlated by design: (diffuse, normal) and (specular, roughness) have a correlation error of at most "
+                "0.15",
                 "correlated",
                 "",
                 ("octave_error_within",),
                 factor=0.15,
             ),
             Claim(
-                "Correlated by design: the four other pairs are off by 0.15 at worst",
+                "Correlated by design: the four other pairs have a correlation error of at most 0.15",
                 "correlated",
                 "",
                 ("octave_error_across",),
@@ -142,20 +162,29 @@ MATERIALS: tuple[Figure, ...] = (
         ),
         caption=SHEET,
         deviations=(OWN_WOOD, OTHER_LIGHT),
+        no_paper_arm=f"{NOT_NEAR} `unproject train wood-paper --observations diffuse specular roughness normal` trains "
+        "the arm of selections; there is no `correlated-paper`.",
     ),
     Figure(
         "fig9",
         "Fewer maps, more renderings; renderings alone",
-        "250 maps are too few; 8,000 renderings make up for them; four kinds of light need no maps at all.",
+        "250 of each map are too few; 8,000 renderings make up for them; renderings under four kinds of light need no "
+        "maps.",
         "250 for each projection fails; 8,000 renderings each succeed; four frontal kinds, 6,000 each, succeed.",
         arms=(
-            Arm("wood-few", "wood", "wood", "250 of each map, 167 photographs each", {"maps": 250, **AS_MANY}),
-            Arm("wood-many", "wood", "wood", "250 of each map, 5333 each", {"maps": 250, "renderings": 5333}),
+            Arm("wood-few", "wood", "wood", "250 of each map, 167 renderings of each kind", {"maps": 250, **AS_MANY}),
+            Arm(
+                "wood-many",
+                "wood",
+                "wood",
+                "250 of each map, 5333 renderings of each kind",
+                {"maps": 250, "renderings": 5333},
+            ),
             Arm(
                 "wood-lights",
                 "wood",
                 "wood",
-                "no maps; 6000 each under flash, lamp, natural and constant light",
+                "no maps; 6000 renderings each under flash, lamp, natural and constant light",
                 {"observations": LIGHTS, "renderings": 6000},
             ),
             WOOD,
@@ -169,7 +198,7 @@ MATERIALS: tuple[Figure, ...] = (
             ),
             Claim("Many renderings bring maps nearer than few", "wood-many", "wood-few", PATCHES),
             Claim(
-                "Many renderings tell better than few how maps go together",
+                "Many renderings bring correlations nearer than few",
                 "wood-many",
                 "wood-few",
                 ("correlation_error",),
@@ -208,54 +237,59 @@ MATERIALS: tuple[Figure, ...] = (
         deviations=(
             OWN_WOOD,
             OTHER_LIGHT,
-            "Three kinds of photographs share what the paper's two have: 167 each for 250 each, 5,333 for 8,000. "
-            "The arm without maps has the paper's four lights.",
+            "Three kinds of renderings share the number of the paper's two: 167 each for 250 each, 5,333 for 8,000. "
+            "The arm without maps has the paper's four lights; its directional light \"from a non-normal incidence "
+            'direction" comes from anywhere within 80° of the normal.',
         ),
+        no_paper_arm=f"{NOT_NEAR} `unproject train wood-paper` takes `--maps`, `--renderings` and `--observations`.",
     ),
     *(
         Figure(
             name,
-            f"{things.capitalize()} from photographs",
-            f"The method goes beyond wood: {things} is learned from maps and photographs.",
-            f"1,000 materials by artists, 5,000 photographs each of {things} from the top and grazing. No numbers.",
+            f"{material.capitalize()} from photographs",
+            f"The method applies beyond wood: {material} is learned from maps and photographs.",
+            f"1,000 materials by artists, 5,000 photographs each of {material} from the top and grazing. No numbers.",
             arms=(
-                Arm(things, things, things, "1000 of each map, 5000 photographs each, light unknown", PHOTOGRAPHS),
-                Arm(f"{things}-paper", f"{things}-paper", things, "the same, the paper's recipe", PHOTOGRAPHS),
+                Arm(
+                    material, material, material, "1000 of each map, 5000 photographs each, light unknown", PHOTOGRAPHS
+                ),
+                Arm(f"{material}-paper", f"{material}-paper", material, "the same, the paper's recipe", PHOTOGRAPHS),
             ),
             real=(
-                Arm(f"{things}-real", things, f"{things}-real", "the same under real probes", PHOTOGRAPHS),
+                Arm(f"{material}-real", material, f"{material}-real", "the same under real probes", PHOTOGRAPHS),
                 Arm(
-                    f"{things}-sets",
-                    things,
-                    f"{things}-sets",
-                    f"patches of {count} real sets of {things} under real probes",
+                    f"{material}-sets",
+                    material,
+                    f"{material}-sets",
+                    f"patches of {count} real sets of {material} under real probes",
                     SET_PHOTOGRAPHS,
                 ),
             ),
             claims=(
                 Claim(
                     "Maps are at most four times as far from true ones as other true ones",
-                    things,
-                    f"truth-{things}",
+                    material,
+                    f"truth-{material}",
                     PATCHES,
                     factor=1 / 4,
                 ),
                 Claim(
-                    "Maps go together: at most half the correlation error of shuffled ones",
-                    things,
-                    f"shuffled-{things}",
+                    "Correlations: at most half the error of maps shuffled between materials",
+                    material,
+                    f"shuffled-{material}",
                     ("correlation_error",),
                     factor=2,
                 ),
-                ahead_of_paper(things, f"{things}-paper", PATCHES),
+                ahead_of_paper(material, f"{material}-paper", PATCHES),
             ),
             caption=SHEET,
             deviations=(
-                "Photographs of OpenSurfaces are not public in that form: renderings under light that training "
-                "does not have stand in for them (with --data, 22 of 45 real probes).",
+                "Photographs of OpenSurfaces are not public in that form: renderings under light that is not used in "
+                "training replace them (with --data, under 22 of 45 real probes).",
+                MINUTES[material],
                 NARROW,
             ),
         )
-        for name, things, count in (("fig10", "plastic", 5), ("fig11", "metal", 22))
+        for name, material, count in (("fig10", "plastic", 5), ("fig11", "metal", 22))
     ),
 )

@@ -1,4 +1,4 @@
-"""Arms are trained by `unproject train` in processes of their own, so many at a time, and scored when they are done."""
+"""Train arms by `unproject train` in child processes, several at a time, and score each when it is finished."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,30 +19,32 @@ from ..training import checkpoint
 from ..training.run_directory import BUDGET, read_recipe
 from .budgets import flags_of
 from .figure import Arm, Budget
-from .kept import Kept, as_json
+from .place import Place
+from .result import Result, as_json
 from .scoring import score
-from .sources import SOURCES, Place
+from .sources import SOURCES
 
 Job = tuple[Arm, int]
 """An arm and a seed."""
 _SCORING = threading.Lock()
-"""Weights and draws come from torch's one random state, which two scorings at a time would share."""
+"""Held while scoring: weights and draws come from torch's global random state."""
 
 
 @dataclass(frozen=True)
-class Where:
-    """Folders of a reproduction, and how much of the machine it takes.
+class Settings:
+    """Folders of a reproduction, and its share of the machine.
 
     Attributes:
-        runs: run directories, one an arm and seed.
-        kept: results.
-        data: real collections; None for the embedded worlds.
+        runs: folder of the run directories, one an arm and seed.
+        results_folder: folder of the results.
+        data: folder of real collections; None: the embedded data sets alone.
+        budget: cpu or gpu.
         parallel: trainings at a time.
-        threads: of each of them; all cores' share unless given.
+        threads: of each training; default: those that torch chooses.
     """
 
     runs: Path
-    kept: Path
+    results_folder: Path
     data: Path | None
     budget: Budget
     parallel: int = 1
@@ -54,64 +56,113 @@ class Where:
     def place(self, arm: Arm) -> Place:
         return Place(self.runs / "sources", self.data, flags_of(arm, self.budget)["size"])
 
-    def result(self, arm: Arm, seed: int) -> Kept:
-        return Kept(self.kept, arm.name, seed)
+    def result(self, arm: Arm, seed: int) -> Result:
+        return Result(self.results_folder, arm.name, seed)
 
-    def results(self, arm: Arm) -> dict[int, Kept]:
-        """Those there are, by seed."""
-        seeds = (path.stem.removeprefix(f"{arm.name}-") for path in self.kept.glob(f"{arm.name}-*.json"))
-        return {int(seed): self.result(arm, int(seed)) for seed in seeds if seed.isdecimal()}
+    def results(self, arm: Arm) -> dict[int, Result]:
+        """Return the stored results of an arm by seed."""
+        stems = (path.stem.removeprefix(f"{arm.name}-") for path in self.results_folder.glob(f"{arm.name}-*.json"))
+        return {int(seed): self.result(arm, int(seed)) for seed in stems if seed.isdecimal()}
 
-    def truths(self, source: str) -> dict[str, Kept]:
-        """Of other true things, and of materials whose maps belong to different ones: what arms are to be read by."""
-        return {name: Kept(self.kept, f"{name}-{source}", 0) for name in ("truth", "shuffled")}
+    def truths(self, source: str) -> dict[str, Result]:
+        """Return the results of true samples, and of materials whose maps belong to different materials."""
+        return {name: Result(self.results_folder, f"{name}-{source}", 0) for name in ("truth", "shuffled")}
 
-    def about(self, arm: Arm) -> dict[str, Any]:
-        """What a result must have been made of to be this arm's."""
+    def fields(self, arm: Arm) -> dict[str, Any]:
+        """Return the fields that a result of this arm must have."""
         return {"budget": self.budget, "recipe": arm.recipe, "flags": flags_of(arm, self.budget)}
 
 
-def is_kept(arm: Arm, seed: int, where: Where) -> bool:
-    """Whether the result is there. Raises UserError if it is another arm's than the one of that name now."""
-    kept = where.result(arm, seed)
-    if kept.exists:
-        kept.check(where.about(arm))
-    return kept.exists
-
-
-def finish(jobs: Iterable[Job], where: Where) -> None:
-    """Train and score what is not yet kept. What fails does not keep the rest from being finished.
-
-    What arms learn from is written one after another, while those that have theirs are trained.
+def has_result(arm: Arm, seed: int, settings: Settings) -> bool:
+    """Return whether the result exists.
 
     Raises:
-        UserError: if something failed, naming each; at once, if a result is not of the arm of its name.
+        UserError: it belongs to an arm of the same name with other flags.
     """
-    missing = [job for job in jobs if not is_kept(*job, where)]
-    children: set[subprocess.Popen[str]] = set()
-    futures: list[Future[None]] = []
-    failures: list[str] = []
-    with ThreadPoolExecutor(where.parallel) as pool, _leaving_none(children):
+    result = settings.result(arm, seed)
+    if result.exists:
+        result.check(settings.fields(arm))
+    return result.exists
+
+
+def train_missing(jobs: Iterable[Job], settings: Settings) -> None:
+    """Train and score the jobs that have no result. A job that fails does not stop the others.
+
+    Training data that must be written first are written one after another, while other jobs train.
+
+    Raises:
+        UserError: naming each job that failed; or at once, if a result belongs to other flags.
+    """
+    missing = [job for job in jobs if not has_result(*job, settings)]
+    training = _Training(settings)
+    with ThreadPoolExecutor(settings.parallel) as pool, _exit_on_sigterm():
         try:
-            for job in missing:
-                with _saying(failures):
-                    futures.append(pool.submit(_train, *job, where, command(*job, where), children))
-            for future in as_completed(futures):
-                with _saying(failures):
-                    future.result()
+            training.submit(missing, pool)
         except BaseException:
-            for future in futures:
-                future.cancel()
-            for child in children:
-                child.terminate()  # it saves and leaves
+            training.cancel()
             raise
-    if failures:
-        raise UserError("; ".join(failures))
+    if training.failures:
+        raise UserError("; ".join(training.failures))
+
+
+@dataclass
+class _Training:
+    """Child processes that train, and the failures so far."""
+
+    settings: Settings
+    children: set[subprocess.Popen[str]] = field(default_factory=set)
+    futures: list[Future[None]] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+
+    def submit(self, jobs: Iterable[Job], pool: ThreadPoolExecutor) -> None:
+        for job in jobs:
+            with self._printing_failures():
+                self.futures.append(pool.submit(self.train, *job, command(*job, self.settings)))
+        for future in as_completed(self.futures):
+            with self._printing_failures():
+                future.result()
+
+    def train(self, arm: Arm, seed: int, words: list[str]) -> None:
+        print(f"{arm.name}, seed {seed}: unproject {words[0]} {words[1]}", flush=True)
+        out = self.settings.run(arm, seed)
+        code, errors = self._wait(words)
+        if code:
+            reason = f"killed by signal {-code}" if code < 0 else "no reason given"
+            line = (errors.strip().splitlines() or [reason])[-1]
+            raise UserError(f"{out}: training stopped: {line.removeprefix('unproject: ')}")
+        if not is_finished(arm, seed, self.settings):
+            raise UserError(f"{out}: training was interrupted; the same command goes on with it")
+        with _SCORING:
+            score_run(arm, seed, self.settings)
+
+    def _wait(self, words: list[str]) -> tuple[int, str]:
+        """Run `unproject` with these words; return its exit status and what it wrote to stderr."""
+        child = subprocess.Popen(
+            [sys.executable, "-m", "unproject", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.children.add(child)
+        _, errors = child.communicate()
+        self.children.discard(child)
+        return child.returncode, errors
+
+    def cancel(self) -> None:
+        for future in self.futures:
+            future.cancel()
+        for child in self.children:
+            child.terminate()  # it saves a checkpoint and exits
+
+    @contextmanager
+    def _printing_failures(self) -> Iterator[None]:
+        before = len(self.failures)
+        with collecting(self.failures):
+            yield
+        for failure in self.failures[before:]:
+            print(f"failed: {failure}", flush=True)
 
 
 @contextmanager
-def noting(failures: list[str]) -> Iterator[None]:
-    """A failure is noted, and does not keep what comes after it from being done."""
+def collecting(failures: list[str]) -> Iterator[None]:
+    """Append the message of a UserError to `failures` and go on behind the block."""
     try:
         yield
     except UserError as error:
@@ -119,24 +170,15 @@ def noting(failures: list[str]) -> Iterator[None]:
 
 
 @contextmanager
-def _saying(failures: list[str]) -> Iterator[None]:
-    before = len(failures)
-    with noting(failures):
-        yield
-    for failure in failures[before:]:
-        print(f"failed: {failure}", flush=True)
-
-
-@contextmanager
-def _leaving_none(children: set[subprocess.Popen[str]]) -> Iterator[None]:
-    """SIGTERM is an exception here, so that trainings are ended with the process that began them."""
+def _exit_on_sigterm() -> Iterator[None]:
+    """Raise SystemExit on SIGTERM, so that the child processes are terminated too."""
 
     def leave(number: int, frame: FrameType | None) -> None:
         sys.exit(128 + number)
 
     try:
         previous = signal.signal(signal.SIGTERM, leave)
-    except ValueError:  # not in the main thread: signals are someone else's business
+    except ValueError:  # only the main thread may set a handler
         yield
         return
     try:
@@ -145,28 +187,28 @@ def _leaving_none(children: set[subprocess.Popen[str]]) -> Iterator[None]:
         signal.signal(signal.SIGTERM, previous)
 
 
-def command(arm: Arm, seed: int, where: Where) -> list[str]:
-    """The words of `unproject` that train an arm, or go on with it.
+def command(arm: Arm, seed: int, settings: Settings) -> list[str]:
+    """Return the arguments of `unproject` that train an arm, or resume its run.
 
     Raises:
-        UserError: if the run that is there is not this arm's, or what it is to learn from is missing.
+        UserError: the run was started with other flags, or training data are missing.
     """
-    out, flags = where.run(arm, seed), flags_of(arm, where.budget)
+    out, flags = settings.run(arm, seed), flags_of(arm, settings.budget)
     if (out / "recipe.json").exists():
-        check_run(arm, seed, where)
+        check_run(arm, seed, settings)
         words = ["resume", str(out), *_words({name: value for name, value in flags.items() if name in BUDGET})]
     else:
-        sources = SOURCES[arm.source].flags(where.place(arm))
+        sources = SOURCES[arm.source].flags(settings.place(arm))
         words = ["train", arm.recipe, *_words(flags | sources | {"seed": seed, "out": out})]
-    return [*words, "--quiet", *_words({"threads": where.threads} if where.threads else {})]
+    return [*words, "--quiet", *_words({"threads": settings.threads} if settings.threads else {})]
 
 
-def check_run(arm: Arm, seed: int, where: Where) -> None:
-    """Raise UserError unless the run that is there has the flags of its arm, the budget aside."""
-    out, flags = where.run(arm, seed), as_json(flags_of(arm, where.budget))
-    made = read_recipe(out)
+def check_run(arm: Arm, seed: int, settings: Settings) -> None:
+    """Raise UserError unless the run was started with the flags of its arm; the budget may differ."""
+    out, flags = settings.run(arm, seed), as_json(flags_of(arm, settings.budget))
+    stored = read_recipe(out)
     for name, value in {"recipe": arm.recipe, "seed": seed, **flags}.items():
-        found = made["recipe"] if name == "recipe" else made["arguments"].get(name)
+        found = stored["recipe"] if name == "recipe" else stored["arguments"].get(name)
         if name not in BUDGET and found != value:
             raise UserError(
                 f"{out}: was made with {name} {found}, the arm has {value}; remove that run, or give --runs"
@@ -174,7 +216,7 @@ def check_run(arm: Arm, seed: int, where: Where) -> None:
 
 
 def _words(flags: Mapping[str, Any]) -> list[str]:
-    """Flags of the command line; a switch that is on has no value."""
+    """Return flags as words of the command line; a switch that is on has no value."""
     words: list[str] = []
     for name, value in flags.items():
         several = value if isinstance(value, tuple) else () if value is True else (value,)
@@ -182,40 +224,22 @@ def _words(flags: Mapping[str, Any]) -> list[str]:
     return words
 
 
-def _train(arm: Arm, seed: int, where: Where, words: list[str], children: set[subprocess.Popen[str]]) -> None:
-    out = where.run(arm, seed)
-    print(f"{arm.name}, seed {seed}: unproject {words[0]} {words[1]}", flush=True)
-    child = subprocess.Popen(
-        [sys.executable, "-m", "unproject", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    children.add(child)
-    _, said = child.communicate()
-    children.discard(child)
-    if child.returncode:
-        killed = f"killed by signal {-child.returncode}" if child.returncode < 0 else "no reason given"
-        line = (said.strip().splitlines() or [killed])[-1]
-        raise UserError(f"{out}: training stopped: {line.removeprefix('unproject: ')}")
-    if not is_finished(arm, seed, where):
-        raise UserError(f"{out}: training was interrupted; the same command goes on with it")
-    with _SCORING:
-        score_run(arm, seed, where)
-
-
-def score_finished(jobs: Iterable[Job], where: Where) -> None:
-    """Score the runs that are finished and whose results are not kept, and train nothing."""
+def score_finished(jobs: Iterable[Job], settings: Settings) -> None:
+    """Score finished runs that have no result; train nothing."""
     for arm, seed in jobs:
-        if not is_kept(arm, seed, where) and is_finished(arm, seed, where):
-            check_run(arm, seed, where)
-            score_run(arm, seed, where)
+        if not has_result(arm, seed, settings) and is_finished(arm, seed, settings):
+            check_run(arm, seed, settings)
+            score_run(arm, seed, settings)
 
 
-def score_run(arm: Arm, seed: int, where: Where) -> None:
-    score(where.run(arm, seed), arm.source, where.place(arm), where.result(arm, seed), where.about(arm))
+def score_run(arm: Arm, seed: int, settings: Settings) -> None:
+    run, result = settings.run(arm, seed), settings.result(arm, seed)
+    score(run, arm.source, settings.place(arm), result, settings.fields(arm))
 
 
-def is_finished(arm: Arm, seed: int, where: Where) -> bool:
-    """Whether a run has spent the budget of its arm."""
-    run, flags = where.run(arm, seed), flags_of(arm, where.budget)
+def is_finished(arm: Arm, seed: int, settings: Settings) -> bool:
+    """Return whether a run has spent the budget of its arm."""
+    run, flags = settings.run(arm, seed), flags_of(arm, settings.budget)
     if not (run / "recipe.json").exists() or not checkpoint.list_checkpoints(run / "checkpoints"):
         return False
     spent = checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")

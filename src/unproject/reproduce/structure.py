@@ -1,4 +1,4 @@
-"""Networks as they are built, the paper's Figs. 1 and 6: each layer, what comes out of it, how much it learns."""
+"""List the networks of the paper's Figs. 1 and 6 as built here: layers, output shapes, numbers of parameters."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ STRUCTURES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "fig1": ("shapes-paper", {"views_per_shape": 1}),
     "fig6": ("wood-paper", {"maps": 2, "renderings": 2}),
 }
-"""Figure → recipe and flags; these only make its collections small."""
+"""Figure → recipe, and flags that only make its collections small."""
 
 
 def structure(figure: str) -> str:
-    """The networks of a figure's recipe, as text."""
+    """Return the networks of a figure's recipe as text."""
     name, flags = STRUCTURES[figure]
     recipe = find(name)(**flags)
     parts = [f"{figure.replace('fig', 'Fig. ')}: networks of the recipe {name}, as built, for one item."]
@@ -30,7 +30,7 @@ def structure(figure: str) -> str:
 
 
 def tables(recipe: Recipe) -> dict[str, str]:
-    """Network → its layers, one a line."""
+    """Return network → its layers, one a line."""
     generator = recipe.generator().eval()
     found = {"generator": layers(generator, lambda: generator(generator.draw(2, generator_at(0))))}
     for panel in recipe.panels:
@@ -47,18 +47,18 @@ def tables(recipe: Recipe) -> dict[str, str]:
 
 
 def _kind(observation: str) -> str:
-    """`azimuth 3` and its like are one kind."""
+    """Return the name without its number: azimuth-03 becomes azimuth."""
     return observation.rstrip("0123456789.°-– ") or observation
 
 
 def _is_layer(name: str, module: nn.Module) -> bool:
-    """Whether it has no parts; what computes a normed weight is part of the layer that has the weight."""
+    """Return whether the module has no submodules; a parametrization belongs to the layer whose weight it norms."""
     return "parametrizations" not in name and all(part == "parametrizations" for part, _ in module.named_children())
 
 
 @torch.no_grad()
 def layers(network: nn.Module, run: Callable[[], Tensor]) -> str:
-    """Every layer without parts of its own, in the order in which it is used; "x 16 heads" aside, once each."""
+    """Return a table of all layers without submodules, in the order of their use."""
     rows: list[tuple[str, str, str, str]] = []
 
     def note(name: str) -> Callable[[nn.Module, Any, Any], None]:

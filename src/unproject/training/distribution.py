@@ -1,25 +1,27 @@
 """Distribution over processes and devices: one process by itself, or many started by `torchrun`.
 
 Every process runs the same loop on its own slice of each batch; after every backward pass the gradients are
-averaged. Averaging by hand rather than through a wrapper keeps double backward passes (gradient penalties)
-and several forward passes a step out of the wrapper's way.
+averaged. They are averaged by hand, not by `DistributedDataParallel`, which supports neither double backward
+passes (gradient penalties) nor several forward passes a step.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from functools import cached_property
-from typing import Any
 
 import torch
+import torch.distributed as dist
 from torch import Tensor, nn
 
 from .._types import UserError
 
 
 class Distribution:
-    """This process among `world` ones, and its device ("auto", "cpu" or "cuda")."""
+    """This process among `world` ones, and its device ("auto", "cpu" or "cuda").
+
+    The environment variables of `torchrun` say how many processes there are and where they meet.
+    """
 
     def __init__(self, device: str = "auto") -> None:
         self.world = int(os.environ.get("WORLD_SIZE", "1"))
@@ -31,16 +33,8 @@ class Distribution:
         if device not in ("cpu", "cuda"):
             raise UserError(f"device {device!r}: choose auto, cpu or cuda")
         self.device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if device == "cuda" else "cpu")
-        if self.world > 1:
-            self._fabric.launch()
-
-    @cached_property
-    def _fabric(self) -> Any:
-        # Imported only where there are several processes: it takes longer to import than torch.
-        from lightning_fabric import Fabric
-
-        local = int(os.environ.get("LOCAL_WORLD_SIZE", str(self.world)))
-        return Fabric(accelerator=self.device.type, devices=local, num_nodes=self.world // local, strategy="ddp")
+        if self.world > 1 and not dist.is_initialized():
+            _join(self.device)
 
     @property
     def leads(self) -> bool:
@@ -52,32 +46,47 @@ class Distribution:
         if self.world == 1:
             return
         gradients = [p.grad for p in module.parameters() if p.grad is not None]
-        flat = self._fabric.all_reduce(torch.cat([g.flatten() for g in gradients]), reduce_op="mean")
+        flat = self._mean(torch.cat([g.flatten() for g in gradients]))
         for gradient, part in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
             gradient.copy_(part.view_as(gradient))
 
     def average(self, value: float) -> float:
-        """The mean of a number over the processes."""
-        if self.world == 1:
-            return value
-        return float(self._fabric.all_reduce(torch.tensor(value, device=self.device), reduce_op="mean"))
+        """Return the mean of a number over the processes."""
+        return value if self.world == 1 else float(self._mean(torch.tensor(value, device=self.device)))
+
+    def _mean(self, values: Tensor) -> Tensor:
+        # A sum and a division: gloo has no mean.
+        dist.all_reduce(values)
+        return values / self.world
 
     def copy_from_leader(self, tensors: Iterable[Tensor]) -> None:
         """Overwrite each tensor by the leading process's."""
-        if self.world > 1:
-            for tensor in tensors:
-                tensor.data.copy_(self._fabric.broadcast(tensor, src=0))
+        if self.world == 1:
+            return
+        for tensor in tensors:
+            values = tensor.detach().contiguous()
+            dist.broadcast(values, src=0)
+            tensor.data.copy_(values)
 
     def agree(self, flag: bool) -> bool:
-        """Whether any process says so."""
+        """Return whether the flag is set in any process."""
         return flag if self.world == 1 else self.average(float(flag)) > 0
 
     def barrier(self) -> None:
+        """Wait until every process is here."""
         if self.world > 1:
-            self._fabric.barrier()
+            dist.barrier()
 
     def close(self) -> None:
         """Leave together: a process that exits first aborts the others."""
-        if self.world > 1 and torch.distributed.is_initialized():
-            torch.distributed.barrier()
-            torch.distributed.destroy_process_group()
+        if self.world > 1 and dist.is_initialized():
+            dist.barrier()
+            dist.destroy_process_group()
+
+
+def _join(device: torch.device) -> None:
+    if device.type == "cpu":
+        dist.init_process_group("gloo")
+        return
+    torch.cuda.set_device(device)
+    dist.init_process_group("cpu:gloo,cuda:nccl", device_id=device)

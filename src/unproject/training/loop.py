@@ -14,7 +14,7 @@ from .recovery import roll_back
 from .run import Run
 from .signals import stop_request
 from .state import State
-from .trainer import Trainer
+from .trainer import Interrupted, Trainer
 
 
 def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool = False) -> Run:
@@ -29,6 +29,20 @@ def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool 
     Raises:
         UserError: if `out` holds a run already, or training diverges twice.
         OSError: if the disk is full; checkpoints already written stay good.
+
+    Examples:
+        >>> import functools, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> run = up.train(recipe, "runs/train", quiet=True)
+        >>> run.step, run.sample(2).shape
+        (1, torch.Size([2, 16, 16, 16]))
     """
     distribution = Distribution(device)
     out = Path(out)
@@ -63,6 +77,20 @@ def resume(
 
     Raises:
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.
+
+    Examples:
+        >>> import functools, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> run = up.train(recipe, "runs/resume", quiet=True)
+        >>> up.resume(run.path, recipe, steps=2, quiet=True).step
+        2
     """
     path = Path(path)
     if recipe is None:
@@ -90,6 +118,11 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
                 if going:
                     trainer.step()
                 else:
+                    trainer.save()
+            except Interrupted:
+                going = False
+                trainer.undo()
+                if trainer.state.counters.step:  # else there is nothing to go on from
                     trainer.save()
             except Diverged as trouble:
                 roll_back(trainer, trouble)

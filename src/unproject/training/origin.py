@@ -18,7 +18,17 @@ OPTIONS = tuple(Options.__annotations__)
 
 
 def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
-    """Let the recipes that a function makes remember how they were made, so that their runs resume by path alone."""
+    """Let the recipes that a function makes remember how they were made, so that their runs resume by path alone.
+
+    Examples:
+        >>> import unproject as up
+        >>> @up.resumable
+        ... def volumes(*, count: int = 4, **options) -> up.Recipe:
+        ...     panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(count, 16)))
+        ...     return up.Recipe(up.networks.LowRankGenerator, [panel], steps=10).configured(options)
+        >>> volumes(count=3, steps=5).origin.arguments
+        {'count': 3, 'steps': 5}
+    """
 
     @functools.wraps(function)
     def remembered(*positional: P.args, **arguments: P.kwargs) -> Recipe:
@@ -27,6 +37,7 @@ def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
             return made
         return made.replace(origin=origin_of(full_name(function), full_name(function), arguments))
 
+    vars(remembered)["is_resumable"] = True
     return remembered
 
 
@@ -51,19 +62,17 @@ def split(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[dict
     """Split arguments into those that the function takes and options of `Recipe` that it does not."""
     parameters = inspect.signature(function).parameters
     further = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    unknown = sorted(arguments.keys() - parameters.keys() - {*OPTIONS, "seed"})
+    if unknown:
+        raise UserError(
+            f"recipe {full_name(function)} does not take {', '.join(unknown)}; use the version that the run began with"
+        )
     own, options = {}, {}
     for name, value in arguments.items():
-        if name in parameters:
+        if name in parameters or (further and value is not None):
             own[name] = value
-        elif name in OPTIONS or name == "seed":
-            if not further:
-                options[name] = value
-            elif value is not None:
-                own[name] = value
-        else:
-            raise UserError(
-                f"recipe {full_name(function)} does not take {name}; use the version that the run began with"
-            )
+        elif not further:
+            options[name] = value
     return own, options
 
 
@@ -87,13 +96,23 @@ def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recip
     """
     if origin is None or not origin.function:
         raise UserError("this run's recipe was built in Python; call unproject.resume(path, recipe) there")
-    if not trust and origin.function.partition(":")[0].partition(".")[0] != "unproject":
-        raise UserError(f"this run's recipe is {origin.recipe}, code outside unproject; add --trust if you wrote it")
+    function = _trusted(origin, trust)
     changes = {name: value for name, value in changes.items() if value is not None}
     kept = {key: _restored(value) for key, value in origin.arguments.items()}
     if {"steps", "minutes"} & changes.keys():
         kept = {key: value for key, value in kept.items() if key not in ("steps", "minutes")}
-    return make(origin.recipe, find_object(origin.function), {**kept, **changes})
+    return make(origin.recipe, function, {**kept, **changes})
+
+
+def _trusted(origin: Origin, trust: bool) -> Callable[..., Any]:
+    """Return the recipe function; without `trust` only a resumable one of this package, not what a module imported."""
+    outside = UserError(f"this run's recipe is {origin.recipe}, code outside unproject; add --trust if you wrote it")
+    if not trust and not origin.function.startswith("unproject."):
+        raise outside
+    function = find_object(origin.function)
+    if not trust and not getattr(function, "is_resumable", False):
+        raise outside
+    return function
 
 
 def _absolute(where: str) -> str:

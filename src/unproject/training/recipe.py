@@ -22,7 +22,13 @@ from ..networks import Discriminator, Generator
 
 @dataclass(frozen=True)
 class Adam:
-    """Adam(β1, β2); the learning rate falls from `rate` to `final` along a cosine (default: it stays)."""
+    """Adam(β1, β2); the learning rate falls from `rate` to `final` along a cosine (default: it stays).
+
+    Examples:
+        >>> import unproject as up
+        >>> up.Adam(1e-3, final=0.0).rate_at(progress=0.5)
+        0.0005
+    """
 
     rate: float = 1e-3
     beta1: float = 0.0
@@ -52,7 +58,13 @@ class Origin:
 
 
 class Options(TypedDict, total=False):
-    """Fields of `Recipe` that every recipe function takes as further keywords, and `unproject train` as flags."""
+    """Fields of `Recipe` that every recipe function takes as further keywords, and `unproject train` as flags.
+
+    Examples:
+        >>> import unproject as up
+        >>> sorted(up.Options.__annotations__)[:3]
+        ['balance_every', 'batch', 'checkpoint_every']
+    """
 
     steps: int | None
     minutes: float | None
@@ -97,6 +109,14 @@ class Recipe:
 
     Raises:
         UserError: for no panel, no budget, or a number out of range.
+
+    Examples:
+        >>> import functools, unproject as up
+        >>> itself = up.Observation("itself", up.Identity())
+        >>> panel = up.Panel([itself], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(functools.partial(up.networks.LowRankGenerator, size=16), [panel], steps=10)
+        >>> recipe.replace(batch=8).progress(step=5, seconds=0.0)
+        0.5
     """
 
     generator: Callable[[], Generator]

@@ -1,4 +1,4 @@
-"""Recorder: the run's log on disk and its progress on the screen."""
+"""Write a run's log to disk and show its progress on the screen."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .run_directory import naming
 
 
 class Recorder:
-    """Appends to stats.jsonl and shows a bar. Lines after the checkpoint that a run resumes from are dropped.
+    """Append lines to stats.jsonl and show a progress bar.
 
     Args:
         path: the run directory.
-        lines: how many lines of stats.jsonl the checkpoint knows of.
-        leads: whether this process writes and shows anything at all.
-        quiet: no bar.
+        lines: number of lines of stats.jsonl when the checkpoint was written; later lines are dropped.
+        leads: whether this process writes the log and shows the bar.
+        quiet: show no bar.
     """
 
     def __init__(self, path: Path, lines: int = 0, leads: bool = True, quiet: bool = False) -> None:
@@ -37,10 +37,11 @@ class Recorder:
         self.bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.percentage:3.0f}%"),
+            TextColumn("{task.percentage:3.0f}% ·"),
             TimeElapsedColumn(),
-            TextColumn("left"),
+            TextColumn("elapsed ·"),
             TimeRemainingColumn(),
+            TextColumn("left"),
             TextColumn("{task.fields[note]}"),
             console=Console(file=sys.stderr, quiet=not leads),
             disable=quiet or not leads,
@@ -48,7 +49,11 @@ class Recorder:
         self.task = self.bar.add_task("training", total=1.0, note="")
 
     def _keep(self, lines: int) -> None:
-        """Steps would not tell which lines: a rescue goes back, and events share the step of a checkpoint."""
+        """Drop all but the first `lines` lines.
+
+        The step of a line does not say whether to keep it: a rollback repeats steps, and events have the step of a
+        checkpoint.
+        """
         if not self.file.exists():
             return
         kept = self.file.read_text(encoding="utf-8").splitlines(keepends=True)[:lines]
@@ -63,26 +68,26 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.bar.stop()
-        with suppress(OSError):  # what a full disk refused once is still in the buffer
+        with suppress(OSError):  # a line that did not fit on a full disk is still in the buffer
             self.stream.close()
 
     def write(self, step: int, seconds: float, **values: Any) -> None:
-        """One line of stats.jsonl."""
+        """Append one line to stats.jsonl."""
         with naming(self.file):
             self.stream.write(json.dumps({"step": step, "seconds": round(seconds, 3), **values}) + "\n")
             self.stream.flush()
         self.lines += 1
 
     def show(self, progress: float, note: str) -> None:
-        """Move the bar."""
+        """Move the bar to a part of the budget, 0 to 1, with a note behind it."""
         self.bar.update(self.task, completed=min(progress, 1.0), note=note)
 
     def say(self, message: str) -> None:
-        """A line above the bar."""
+        """Print a line above the bar."""
         self.bar.console.print(message, highlight=False)
 
     def subtask(self, name: str, total: int) -> Callable[[int, float], None]:
-        """A second bar for something long inside training; call it with (done, loss); it leaves at `total`."""
+        """Show a second bar; the function returned moves it to (done, loss) and removes it at `total`."""
         task = self.bar.add_task(name, total=total, note="")
 
         def update(done: int, loss: float) -> None:

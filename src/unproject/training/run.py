@@ -37,6 +37,22 @@ class Run:
         generator: with averaged weights, in evaluation mode.
         step: steps done.
         domain: what the generator makes.
+
+    Examples:
+        >>> import functools, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> run = up.train(recipe, "runs/scored", quiet=True)
+        >>> run.stats()
+        []
+        >>> sorted(run.evaluate(n=8, recipe=recipe))
+        ['diversity', 'empty', 'in_one_piece']
     """
 
     path: Path
@@ -117,6 +133,20 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
 
     Raises:
         UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
+
+    Examples:
+        >>> import functools, unproject as up
+        >>> panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+        >>> recipe = up.Recipe(
+        ...     functools.partial(up.networks.LowRankGenerator, size=16, channels=8, rank=4, code_size=4),
+        ...     [panel],
+        ...     discriminator=functools.partial(up.networks.Discriminator, channels=4, volumetric=True),
+        ...     steps=1,
+        ...     batch=2,
+        ... )
+        >>> run = up.train(recipe, "runs/opened", quiet=True)
+        >>> up.load(run.path).sample(1, seed=7).equal(run.sample(1, seed=7))
+        True
     """
     path = Path(path)
     stored = read_recipe(path)
@@ -135,6 +165,18 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     return Run(path, generator.eval().to(torch.device(device)), step, domain)
 
 
+def is_foreign(path: Path) -> bool:
+    """Whether loading the run imports code outside this package, which needs `trust`."""
+    resolved = read_recipe(path)["resolved"]
+    parts = [(resolved.get("generator"), "call"), (resolved.get("domain"), "type")]
+    return any(_outside(str(part.get(key))) for part, key in parts if part)
+
+
+def _outside(name: str) -> bool:
+    """Whether `module:name` is of another package."""
+    return name.partition(":")[0].partition(".")[0] != "unproject"
+
+
 def _build_domain(path: Path, described: Any, trust: bool) -> Domain:
     if not isinstance(described, Mapping) or "type" not in described:
         raise UserError(f"{path}: recipe.json does not say how to build the domain; restore the file")
@@ -151,7 +193,7 @@ def _build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
     except (TypeError, KeyError) as error:
         raise UserError(f"{path}: recipe.json does not say how to build the {name}; restore the file") from error
     module, _, attribute = where.partition(":")
-    if not trust and module.partition(".")[0] != "unproject":
+    if not trust and _outside(where):
         raise UserError(f"{path}: its {name} is {where}, code outside unproject; add --trust if you wrote it")
     try:
         build: Any = import_module(module)

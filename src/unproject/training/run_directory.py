@@ -144,8 +144,8 @@ def check_same(path: Path, recipe: Recipe) -> None:
 
 
 def environment() -> dict[str, Any]:
-    """Versions, machine and command: what a reader needs to judge or repeat the run."""
-    packages = ("unproject", "torch", "numpy", "safetensors", "lightning-fabric")
+    """Return versions, machine and command: what is needed to assess or repeat the run."""
+    packages = ("unproject", "torch", "numpy", "safetensors")
     return {
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
         "started": datetime.now(timezone.utc).isoformat(timespec="seconds"),

@@ -6,6 +6,7 @@ numbers of one never killed, as long as the budget is in steps; a budget in minu
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import time
@@ -25,6 +26,12 @@ from .health import EVERY, check, check_finite, diversity
 from .recipe import Recipe
 from .recorder import Recorder
 from .state import PanelState, State, latents_rng
+
+SLOW = 10.0  # seconds of a step from which on a stop request is obeyed within it
+
+
+class Interrupted(Exception):
+    """A step was left in its middle; `Trainer.undo` returns to its start."""
 
 
 class Trainer:
@@ -55,13 +62,21 @@ class Trainer:
         self.forward = self._compiled()
         self.began = time.monotonic() - self.state.counters.seconds
         self.saved_at = self.state.counters.step or None
+        self.slowest = math.inf
+        self.before: dict[str, Tensor] | None = None
 
     def step(self) -> None:
-        """Take one training step; without one, return early if asked to stop while images are assigned."""
+        """Take one training step; without one, return early if asked to stop while images are assigned.
+
+        Raises:
+            Interrupted: if asked to stop within a step that takes long; the state is that of half a step.
+        """
         recipe, state = self.recipe, self.state
         progress = self.progress()
         if not self._assign(progress):
             return
+        began = time.monotonic()
+        self._remember()
         self._set_rates(progress)
         losses: dict[str, Tensor] = {}
         for i in range(recipe.discriminator_steps):
@@ -71,7 +86,23 @@ class Trainer:
                 batches = self._project(x, draw)
             losses |= self._update_discriminators(batches, draw)
         losses["loss_g"] = self._update_generator(x, batches, progress)
+        self.slowest = time.monotonic() - began
         self._finish_step(progress, losses, batches[0])
+
+    def _remember(self) -> None:
+        """Keep the state that an interruption returns to, if steps are slow or this is the first."""
+        slow = self.distribution.average(float(self.slowest > SLOW)) > 0  # all processes check, or none
+        self.before = self.state.tensors() if slow else None
+
+    def _check_stop(self) -> None:
+        """Leave a slow step if asked to stop."""
+        if self.before is not None and self.stopping():
+            raise Interrupted
+
+    def undo(self) -> None:
+        """Return to the start of the step that was interrupted."""
+        assert self.before is not None
+        self.state.load(self.before)
 
     def _codes(self, draw: int) -> Tensor:
         rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")
@@ -87,6 +118,7 @@ class Trainer:
         return [self._batch(panel, repeated, draw, index) for index, panel in enumerate(self.state.panels)]
 
     def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
+        self._check_stop()
         recipe, ranks = self.recipe, self.distribution
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         fake = panel.assignment.project(x, rows, latents_rng(recipe.seed, draw, index, ranks.rank))
@@ -102,6 +134,7 @@ class Trainer:
         penalise = recipe.penalty is not None and draw % recipe.penalty.every == recipe.penalty.every - 1
         total, penalty = torch.zeros((), device=state.device), torch.zeros((), device=state.device)
         for index, batch in enumerate(batches):
+            self._check_stop()
             with self._autocast():
                 # One concatenated forward: batch statistics see both kinds of image, spectral vectors move once.
                 images = torch.cat([batch.real, batch.fake.detach()])
@@ -122,6 +155,7 @@ class Trainer:
         state.discriminators.requires_grad_(False)
         losses = []
         for batch in batches:
+            self._check_stop()
             with self._autocast():
                 fake = batch.score(batch.fake)
             losses.append(recipe.loss.generator(batch.real_logits, fake.float()))

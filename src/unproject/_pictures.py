@@ -1,0 +1,150 @@
+"""Files of pictures: `read_stored` for every channel as it is stored, `read_displayed` for what a viewer shows.
+
+OpenImageIO reads what is stored (.hdr, .exr, 16 bits, .png and others), Pillow what is displayed: turned as the camera
+says, palettes resolved.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from ._files import atomic_path
+from ._types import UserError
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+MOST_PIXELS = 2**27  # 11600²: larger ones are mistakes or bombs
+Depth = Literal["uint8", "uint16", "half", "float"]
+
+
+class UnusablePicture(ValueError):
+    """This picture cannot be used; the message is the reason."""
+
+
+class Picture(NamedTuple):
+    """Pixels (H, W, C) float32, integers scaled to [0, 1] as they are stored, and what they were stored as."""
+
+    pixels: np.ndarray
+    stored: str
+
+
+def read_stored(path: str | os.PathLike[str]) -> Picture:
+    """Read all channels of the first image of a file, without conversion of colours.
+
+    Raises:
+        UserError: if the file is missing, is no picture, is damaged or truncated, or is too large.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    name = os.fspath(path)
+    if not os.path.isfile(name):
+        raise UserError(f"{name}: there is no such file; check the path")
+    if not name.lower().endswith((".hdr", ".exr")):
+        _decoded(name)
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(name, config)
+    if file is None:
+        raise UserError(f"{name}: not a picture that can be read ({_reason(oiio.geterror())}); give .hdr, .exr or .png")
+    try:
+        spec = file.spec()
+        if spec.width * spec.height > MOST_PIXELS:
+            raise UserError(f"{name}: {spec.width} × {spec.height} pixels are too many; give at most {MOST_PIXELS}")
+        pixels = file.read_image("float")
+        if pixels is None or file.has_error:
+            raise UserError(f"{name}: damaged or truncated ({_reason(file.geterror())}); give a whole file")
+        return Picture(np.atleast_3d(np.asarray(pixels, np.float32)), str(spec.format))
+    finally:
+        file.close()
+
+
+def _decoded(name: str) -> None:
+    """Pillow reads ordinary pictures first: the library behind the other reader writes its complaints to stderr."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit is ours
+            opened = Image.open(name)
+        with opened as picture:
+            if picture.width * picture.height > MOST_PIXELS:
+                raise Image.DecompressionBombError(f"{picture.width} × {picture.height} pixels are too many")
+            picture.load()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise UserError(f"{name}: not a picture that can be read ({_reason(str(error))}); give a whole .png") from error
+
+
+def write_picture(path: str | os.PathLike[str], pixels: Any, depth: Depth) -> None:
+    """Write (H, W) or (H, W, C); integers are scaled from [0, 1] and clamped. The format is the suffix's.
+
+    Raises:
+        OSError: if the disk refuses; no file is left half-written.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    pixels = np.ascontiguousarray(np.atleast_3d(np.asarray(pixels, np.float32)))
+    height, width, channels = pixels.shape
+    with atomic_path(path) as temporary:
+        file = oiio.ImageOutput.create(str(temporary))
+        if file is None:
+            raise UserError(f"{path}: {_reason(oiio.geterror())}; give a name that ends in .png, .exr or .hdr")
+        spec = oiio.ImageSpec(width, height, channels, depth)
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+        written = file.open(str(temporary), spec) and file.write_image(pixels) and file.close()
+        if not written:
+            raise OSError(f"{path}: {_reason(file.geterror())}")
+
+
+def _reason(text: str) -> str:
+    return " ".join(text.split())[:120] or "unknown format"
+
+
+def read_displayed(file: Path) -> np.ndarray:
+    """Read a picture as (H, W, C), C = 1 to 4, turned as its camera says: uint8, or float32 in [0, 1] of deeper ones.
+
+    Raises:
+        UnusablePicture: if it cannot be read, or is so large that Pillow takes it for a decompression bomb.
+    """
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(file) as picture:
+                return _displayed(ImageOps.exif_transpose(picture))
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise UnusablePicture(f"too large: over {Image.MAX_IMAGE_PIXELS} pixels; make it smaller") from None
+    except UnidentifiedImageError:
+        raise UnusablePicture("unreadable: no picture of a known format") from None
+    except (OSError, SyntaxError, ValueError, EOFError, MemoryError, TypeError, IndexError) as error:
+        raise UnusablePicture(f"unreadable: {_cause(error)}") from None
+
+
+def _cause(error: BaseException) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split()) or type(error).__name__
+
+
+def _displayed(picture: Image.Image) -> np.ndarray:
+    if picture.mode.startswith(("I", "F")):
+        return _deep(picture)
+    transparent = "A" in picture.getbands() or "transparency" in picture.info
+    grey = picture.mode in ("1", "L", "LA")
+    mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
+    pixels = np.asarray(picture.convert(mode))
+    return pixels[..., None] if pixels.ndim == 2 else pixels
+
+
+def _deep(picture: Image.Image) -> np.ndarray:
+    """16-bit integers are shares of 65535, as PNG and TIFF mean them; floats are as they are."""
+    values = np.asarray(picture, dtype=np.float32)[..., None]
+    if not np.isfinite(values).all():
+        raise UnusablePicture("unreadable: has values that are NaN or infinite")
+    return np.clip(values / (1.0 if picture.mode == "F" else 65535.0), 0, 1)

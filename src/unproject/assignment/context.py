@@ -1,0 +1,57 @@
+"""Context: what a run offers an assignment before each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor
+
+from ..networks import Generator
+
+
+class Context(Protocol):
+    """What a run offers an assignment before each step."""
+
+    @property
+    def step(self) -> int:
+        """Steps done."""
+        ...
+
+    @property
+    def progress(self) -> float:
+        """The part of the budget that is spent, 0 to 1."""
+        ...
+
+    @property
+    def generator(self) -> Generator:
+        """The generator with averaged weights."""
+        ...
+
+    @property
+    def device(self) -> torch.device: ...
+
+    def stopping(self) -> bool:
+        """Whether the run was asked to stop; then return False from `before_step` soon."""
+        ...
+
+    def save(self) -> None:
+        """Write a checkpoint now."""
+        ...
+
+    def record(self, **fields: Any) -> None:
+        """Write a line to the run's log."""
+        ...
+
+    def subtask(self, name: str, total: int) -> Callable[[int, float], None]:
+        """Show a second progress bar; call the result with (done, loss)."""
+        ...
+
+    def synchronise(self, tensors: Iterable[Tensor]) -> None:
+        """Overwrite tensors by those of the first process."""
+        ...
+
+    def restart(self) -> None:
+        """Start the generator and the discriminators from new weights."""
+        ...

@@ -1,0 +1,1 @@
+"""Procedural data sets: shapes, materials and light made from formulas."""

@@ -1,0 +1,1 @@
+"""Procedural data sets of surface materials: wood, metal, plastic, correlated."""

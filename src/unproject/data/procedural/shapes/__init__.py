@@ -1,0 +1,1 @@
+"""Procedural data sets of shapes: chairs, birds, cars."""

@@ -1,0 +1,59 @@
+"""Found: what a reader found at a path, which `Collection` is made of; and the scale of what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..._types import UserError
+
+CHUNK = 2**24
+"""Values that are checked or converted at once, so that memory-mapped arrays are never whole in memory."""
+
+
+class Found(NamedTuple):
+    """The arguments of `Collection`."""
+
+    items: Tensor
+    names: Sequence[str] | None = None
+    latents: Mapping[str, Tensor] | None = None
+    skipped: Sequence[tuple[str, str]] = ()
+    source: str = "memory"
+    white: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """What the items are, by their shape: lines (1, D), pictures (1 or 3, H, W) or volumes (X, Y, Z)."""
+        if self.items.dim() == 3:
+            return "line integrals"
+        return "pictures" if self.items.shape[1] <= 3 else "volumes"
+
+
+def chunks(items: Tensor) -> Sequence[Tensor]:
+    """The items in pieces of about `CHUNK` values, along the first axis."""
+    return items.split(max(1, CHUNK // max(items[:1].numel(), 1)))
+
+
+def white_of(items: Tensor) -> int:
+    """The stored value that stands for 1: 255 for uint8 with values above 1, else 1."""
+    return 255 if items.dtype == torch.uint8 and any(int(part.max()) > 1 for part in chunks(items)) else 1
+
+
+def to_floats(items: Tensor, white: int) -> Tensor:
+    """float32 items / white; those that are float32 as they are."""
+    return items if items.dtype == torch.float32 else items.float() if white == 1 else items.float() / white
+
+
+def to_bytes(items: Tensor) -> Tensor:
+    """uint8 of values in [0, 1], 255 standing for 1."""
+    return (items * 255).round().byte()
+
+
+def check_size(path: Path, size: int | None) -> None:
+    """Refuse sizes at which nothing can be recognised, and those that fill the memory with one item."""
+    if size is not None and not 4 <= size <= 4096:
+        raise UserError(f"{path}: a size of {size} is out of range; give 4 to 4096")

@@ -1,0 +1,195 @@
+"""Framing: the one rule by which a picture becomes a silhouette in the frame.
+
+1. Coverage. If the picture has an alpha channel that is not fully opaque, its coverage is the alpha. Otherwise it
+   is the distance from the background, d = max over channels |I - b|, where b is the median colour of the
+   border. So a white mask on black, a black mask on white and a product photograph on a plain backdrop all give
+   coverage near 0 outside the object: the polarity is read off the border. An object that fills most of the
+   border needs `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1).
+2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
+   in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
+   least `photo_threshold`, because pale parts are close to a pale backdrop.
+3. Crop. The object's bounding box is centred in a square whose side is the box's longer side / `fill`
+   (0.85: a margin of 7.5 % on both sides). Aspect is kept. What the square takes in beyond the picture is empty.
+4. Resampling. Every pixel of the (size, size) result is the share of its area that the object covers, a
+   soft value in [0, 1]; `binary` cuts it at one half.
+
+`mode="keep"` leaves out step 3 for masks that are framed already: the picture is padded to a square and resampled;
+with `threshold=None` as well (`AS_GIVEN`), values are kept as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_erosion
+from torch import Tensor
+from torch.nn import functional
+
+from ..._pictures import UnusablePicture
+from ..._types import UserError
+from ...ops.resampling import interval_shares
+
+Mode = Literal["crop", "keep"]
+Polarity = Literal["auto", "light", "dark"]
+Window = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Framing:
+    """How pictures are made silhouettes: see the module's docstring for the rule.
+
+    Attributes:
+        mode: "crop" centres and scales the object, "keep" leaves it where it is.
+        threshold: coverage at which a pixel belongs to the object; None keeps the values (mode "keep" only).
+        photo_threshold: the same for photographs on a plain backdrop.
+        fill: the object's longer side as a share of the frame's.
+        polarity: "auto" reads the background off the border; else the object is "light" or "dark".
+        binary: cut the result at one half.
+        min_pixels: an object whose longer side is shorter is skipped.
+    """
+
+    mode: Mode = "crop"
+    threshold: float | None = 0.5
+    photo_threshold: float = 0.08
+    fill: float = 0.85
+    polarity: Polarity = "auto"
+    binary: bool = False
+    min_pixels: int = 8
+
+    def __post_init__(self) -> None:
+        if self.mode not in ("crop", "keep") or self.polarity not in ("auto", "light", "dark"):
+            raise UserError(
+                f"framing: mode is crop or keep, polarity auto, light or dark; not {self.mode}, {self.polarity}"
+            )
+        if self.threshold is None and self.mode == "crop":
+            raise UserError("framing: cropping needs a threshold between 0 and 1 to find the object")
+        for name in ("threshold", "photo_threshold", "fill"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value <= 1:
+                raise UserError(f"framing: {name} is above 0 and at most 1, not {value}")
+
+
+AS_GIVEN = Framing(mode="keep", threshold=None, polarity="light")
+"""Values as they are: only the size changes. The default for arrays, which somebody has prepared."""
+
+
+@dataclass(frozen=True)
+class Framed:
+    """A framed picture and how it came about.
+
+    Attributes:
+        image: (1, size, size) coverage in [0, 1].
+        channel: "alpha", "luminance" (of a mask) or "photograph".
+        background: "transparent", "dark" or "light".
+        width, height: of the picture it was made from, in pixels.
+    """
+
+    image: Tensor
+    channel: str
+    background: str
+    width: int
+    height: int
+
+
+def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Framed:
+    """Frame a picture (H, W), or (H, W, C) with C of 1 to 4 (2 and 4: the last is alpha), of values in [0, 1].
+
+    Raises:
+        UnusablePicture: if it shows no object, nothing but the object, or one that is too small.
+    """
+    rule = Framing() if framing is None else framing
+    picture = picture[..., None] if picture.ndim == 2 else picture
+    coverage, background = coverage_of(picture, rule.polarity)
+    channel = "alpha" if background == "transparent" else "luminance"
+    if rule.threshold is not None:
+        photograph = channel == "luminance" and not is_mask(coverage)
+        channel = "photograph" if photograph else channel
+        coverage = (coverage >= (rule.photo_threshold if photograph else rule.threshold)).astype(np.float32)
+        _check_object(coverage, rule.min_pixels)
+    window = whole_window(coverage) if rule.mode == "keep" else object_window(coverage, rule.fill)
+    image = torch.from_numpy(area_resample(coverage, window, size))[None]
+    height, width = coverage.shape
+    return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height)
+
+
+def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.ndarray, str]:
+    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is."""
+    channels = picture.shape[-1]
+    if channels in (2, 4):
+        if picture[..., -1].min() < 1:
+            return picture[..., -1].astype(np.float32), "transparent"
+        picture = picture[..., :-1]
+    background = {"light": 0.0, "dark": 1.0}.get(polarity)
+    colour = border_colour(picture) if background is None else np.full(picture.shape[-1], background)
+    distance = np.abs(picture - colour).max(-1)
+    return distance.astype(np.float32), "light" if colour.mean() > 0.5 else "dark"
+
+
+def border_colour(picture: np.ndarray) -> np.ndarray:
+    """The median colour (C,) of a picture's outermost pixels."""
+    edges = (picture[0], picture[-1], picture[:, 0], picture[:, -1])
+    return np.median(np.concatenate(edges), axis=0)
+
+
+def is_mask(coverage: np.ndarray) -> bool:
+    """Whether nine in ten pixels inside the object, its soft edge left aside, are nearly as far as can be."""
+    inside = coverage[binary_erosion(coverage > 0.1, iterations=2)]
+    return inside.size == 0 or bool((inside > 0.9).mean() >= 0.9)
+
+
+def _check_object(mask: np.ndarray, min_pixels: int) -> None:
+    share = mask.mean()
+    if share == 0:
+        raise UnusablePicture("empty: no pixel reaches the threshold")
+    if share > 0.99:
+        raise UnusablePicture("full: the object covers the whole picture, no outline is left")
+    _, height, width = _bounding_box(mask)
+    if max(height, width) < min_pixels:
+        raise UnusablePicture(f"too small: the object is {width} x {height} pixels, {min_pixels} are needed")
+
+
+def object_window(mask: np.ndarray, fill: float) -> Window:
+    """Step 3: (top, left, side) in pixels of the square in which the object is centred."""
+    (top, left), height, width = _bounding_box(mask)
+    side = max(height, width) / fill
+    return top + height / 2 - side / 2, left + width / 2 - side / 2, side
+
+
+def whole_window(mask: np.ndarray) -> Window:
+    """The square, in pixels, around the whole picture."""
+    height, width = mask.shape
+    side = max(height, width)
+    return (height - side) / 2, (width - side) / 2, float(side)
+
+
+def _bounding_box(mask: np.ndarray) -> tuple[tuple[int, int], int, int]:
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    return (rows[0], columns[0]), int(rows[-1] - rows[0] + 1), int(columns[-1] - columns[0] + 1)
+
+
+def area_resample(image: np.ndarray, window: Window, size: int) -> np.ndarray:
+    """Step 4: (size, size) area averages of a window of an image (H, W); outside the image is 0."""
+    top, left, side = window
+    down = cells(image.shape[0], top, top + side, size).numpy()
+    across = cells(image.shape[1], left, left + side, size).numpy()
+    return np.clip(down @ image.astype(np.float32) @ across.T, 0, 1)
+
+
+def centred_square(images: Tensor, size: int) -> Tensor:
+    """(N, C, size, size) of the largest centred square of images (N, C, H, W): area averages, bilinear to grow."""
+    side = min(images.shape[-2:])
+    top, left = ((length - side) // 2 for length in images.shape[-2:])
+    images = images[..., top : top + side, left : left + side]
+    if size > side:
+        return functional.interpolate(images, size=(size, size), mode="bilinear", align_corners=False)
+    weights = cells(side, 0, side, size).to(images)
+    return torch.einsum("ih,nchw,jw->ncij", weights, images, weights)
+
+
+def cells(count: int, low: float, high: float, size: int) -> Tensor:
+    """(size, count): the share of output cell i, one of `size` in [low, high], that lies in input cell [j, j+1]."""
+    target = torch.linspace(low, high, size + 1, dtype=torch.float64)
+    return interval_shares(torch.arange(count + 1, dtype=torch.float64), target).float()

@@ -1,0 +1,26 @@
+"""How pictures are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .framing import Framing
+
+
+@dataclass(frozen=True)
+class How:
+    """How pictures are read: framed as silhouettes, or as they are.
+
+    Attributes:
+        size: pixels (or voxels) a side; None: what the reader takes by default.
+        images: take pictures as they are, without framing.
+        colour: keep the three channels of images.
+        framing: of silhouettes; None: `Framing()` for folders, `AS_GIVEN` for arrays.
+        strict: fail on the first picture that cannot be used instead of skipping it.
+    """
+
+    size: int | None = None
+    images: bool = False
+    colour: bool = False
+    framing: Framing | None = None
+    strict: bool = False

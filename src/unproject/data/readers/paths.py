@@ -1,0 +1,41 @@
+"""Which reader a path is for."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..._types import UserError
+from .arrays import read_arrays
+from .found import Found, check_size
+from .how import How
+from .pictures import SUFFIXES as PICTURES
+from .pictures import read_pictures
+from .shapes import SUFFIXES as SHAPES
+from .shapes import find_volumes, is_shape_archive, split_selector
+
+
+def find(path: str | os.PathLike[str], how: How) -> Found:
+    """Read a path with the reader of its kind.
+
+    Raises:
+        UserError: if nothing is there, or no reader knows it.
+    """
+    path = Path(path)
+    check_size(path, how.size)
+    file, selector = split_selector(path)
+    if path.is_dir():
+        return find_volumes(path, how.size, strict=how.strict) if holds_only_shapes(path) else read_pictures(path, how)
+    if not file.exists():
+        raise UserError(f"{path}: there is no such file or folder; check the path")
+    if selector or file.suffix.lower() in SHAPES or is_shape_archive(file):
+        return find_volumes(path, how.size, strict=how.strict)
+    if file.suffix.lower() in PICTURES:
+        raise UserError(f"{path}: is one picture; name the folder it lies in")
+    return read_arrays(file, how)
+
+
+def holds_only_shapes(path: Path) -> bool:
+    """Whether a folder has files of shapes and no picture."""
+    found = {file.suffix.lower() for file in path.rglob("*") if not file.name.startswith(".")}
+    return bool(found & set(SHAPES)) and not found & set(PICTURES)

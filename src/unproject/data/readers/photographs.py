@@ -1,0 +1,95 @@
+"""Folders of pictures of materials, one sub-folder for each observation: `diffuse/`, `normal/`, `top/`, `grazing/`, …
+
+What each holds need not belong together: no two pictures need show the same material. Maps are read as artists store
+them (sRGB albedos, perceptual roughness r with m = r², normals as ½ + ½ n, y up), photographs as they are.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from ..._pictures import read_stored
+from ..._types import UserError
+from ...ops.exposure import linear_from_srgb
+from ...ops.maps import MAPS
+from .found import Found
+from .framing import centred_square
+from .pictures import SUFFIXES
+
+FLOATING = (".exr", ".hdr")
+SMOOTHEST = 1e-3
+OBSERVATIONS = (*MAPS, "top", "grazing", "flash", "lamp", "raking", "coloured", "ambient")
+"""Names of sub-folders: maps, and photographs by their light and camera."""
+
+
+def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> Found:
+    """Read the pictures (N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
+
+    The largest centred square of each picture is taken and averaged down.
+
+    Raises:
+        UserError: if there is no such sub-folder, no picture in it, or none that can be used.
+    """
+    folder = path / name
+    files = (
+        sorted(f for f in folder.rglob("*") if f.suffix.lower() in (*SUFFIXES, *FLOATING)) if folder.is_dir() else []
+    )
+    if not files:
+        raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")
+    found: dict[str, Tensor] = {}
+    skipped: dict[str, str] = {}
+    for file in files:
+        try:
+            found[file.relative_to(path).as_posix()] = _photograph(file, name, size)
+        except UserError as reason:
+            if strict:
+                raise
+            skipped[file.relative_to(path).as_posix()] = str(reason)
+    if not found:
+        raise UserError(f"{folder}: none of the {len(files)} pictures can be used ({next(iter(skipped.values()))})")
+    return Found(torch.stack([*found.values()]), tuple(found), None, tuple(skipped.items()), str(folder))
+
+
+def photographed(path: Path) -> tuple[str, ...]:
+    """The observations that a folder has sub-folders of pictures for, in the order of `OBSERVATIONS`."""
+    return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
+
+
+def _photograph(file: Path, name: str, size: int) -> Tensor:
+    """(C, size, size) of the largest centred square: a map's values, or a photograph as it is."""
+    values = _square(file, name, size)
+    if name == "roughness":
+        return (values**2).clamp(min=SMOOTHEST)
+    return _normals(file, values) if name == "normal" else values
+
+
+def _square(file: Path, name: str, size: int) -> Tensor:
+    """As many channels as the map has, or three; colours linear."""
+    pixels, stored = read_stored(file)
+    if not np.isfinite(pixels).all():
+        raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
+    values = torch.from_numpy(np.moveaxis(pixels[..., : 3 if pixels.shape[2] >= 3 else 1], 2, 0).copy()).clamp(min=0)
+    side = min(values.shape[1:])
+    if side < size // 2:
+        raise UserError(
+            f"{file}: is {values.shape[2]} × {values.shape[1]} pixels, too few for {size}; give larger ones"
+        )
+    if name == "diffuse" and "int" in stored:
+        values = linear_from_srgb(values)
+    wanted = MAPS[name].stop - MAPS[name].start if name in MAPS else 3
+    values = centred_square(values[None], size)[0]
+    return (values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)).float()
+
+
+def _normals(file: Path, values: Tensor) -> Tensor:
+    """n = 2 v - 1, renormalised."""
+    normal = 2 * values - 1
+    if normal[2].mean() < 0.2:
+        raise UserError(f"{file}: is no normal map; give ½ + ½ n with z in blue, flat being (½, ½, 1)")
+    normal[2].clamp_(min=0.05)
+    return F.normalize(normal, dim=0)

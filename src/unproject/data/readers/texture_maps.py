@@ -1,0 +1,159 @@
+"""From the pictures of a texture set to the maps of a material: the formulas of `textures.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from ..._pictures import Picture, read_stored
+from ..._types import UserError
+from ...ops.exposure import linear_from_srgb
+from ...ops.maps import luminance, normals_of, slopes_of
+from .texture_names import Textures
+
+DIELECTRIC, SPECULAR = 0.04, 0.08
+SMOOTHEST = 1e-3
+SLOPE = 0.25  # RMS slope given to a height map, whose unit no file says
+OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
+COLOURED = 0.05  # mean difference of channels above which a picture is no grey map
+INWARD, STEEPEST = 0.5, 0.02  # share of a normal map's texels that may point inward; the least z any gets
+SHORTEST, LONGEST = 0.3, 1.5  # median length of its vectors: averaging rough surfaces shortens them
+
+
+@dataclass(frozen=True)
+class Convention:
+    """How a texture set is meant: see `read_material`."""
+
+    roughness: Literal["perceptual", "alpha"] = "perceptual"
+    normal: Literal["auto", "gl", "dx"] = "auto"
+    colour: Literal["srgb", "linear"] = "srgb"
+
+    def __post_init__(self) -> None:
+        allowed = {"roughness": ("perceptual", "alpha"), "normal": ("auto", "gl", "dx"), "colour": ("srgb", "linear")}
+        for name, values in allowed.items():
+            if getattr(self, name) not in values:
+                raise UserError(f"material: {name} is one of {', '.join(values)}, not {getattr(self, name)!r}")
+
+
+def pictures_of(textures: Textures) -> dict[str, Picture]:
+    """Role → picture, with 1 or 3 channels: alpha dropped."""
+    pictures = {}
+    for role, file in textures.files.items():
+        pixels, stored = read_stored(file)
+        if not np.isfinite(pixels).all():
+            raise UserError(f"{file}: has values that are NaN or infinite; replace them")
+        if pixels.shape[2] > 4:
+            raise UserError(f"{file}: has {pixels.shape[2]} channels; save the {role} map alone, grey or RGB")
+        pictures[role] = Picture(pixels[..., : 3 if pixels.shape[2] > 2 else 1], stored)
+    return pictures
+
+
+def check_same_size(folder: Path, pictures: Mapping[str, Picture]) -> Mapping[str, Picture]:
+    shapes = {role: picture.pixels.shape[1::-1] for role, picture in pictures.items()}
+    for role, shape in shapes.items():
+        if shape != shapes["colour"]:
+            raise UserError(
+                f"{folder}: {role} is {shape[0]} × {shape[1]} pixels but colour is {shapes['colour'][0]} × "
+                f"{shapes['colour'][1]}; give all maps in one size"
+            )
+    return pictures
+
+
+def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Convention) -> dict[str, Tensor]:
+    """The four maps (1, C, H, W) by the formulas above."""
+    colour = _colour(textures.files["colour"], pictures["colour"], convention.colour)
+    flat = torch.zeros_like(colour[:1])
+    grey = {role: _grey(textures.files[role], p) for role, p in pictures.items() if role in GREY}
+    if "packed" in pictures:
+        _, rough, metallic = _channels(textures.files["packed"], pictures["packed"])
+        grey = {"roughness": rough[None], "metallic": metallic[None], **grey}
+    metallic = grey.get("metallic", flat)
+    f0 = torch.lerp(SPECULAR * grey["specular"] if "specular" in grey else flat + DIELECTRIC, colour, metallic)
+    rough = grey["roughness"] ** 2 if convention.roughness == "perceptual" else grey["roughness"]
+    maps = {
+        "diffuse": colour * (1 - metallic),
+        "specular": luminance(f0),
+        "roughness": rough.clamp(min=SMOOTHEST),
+        "normal": _normal(textures, pictures, flat),
+    }
+    return {name: value[None] for name, value in maps.items()}
+
+
+GREY = ("roughness", "metallic", "specular")
+
+
+def _unit(file: Path, picture: Picture) -> Tensor:
+    """(C, H, W) in [0, 1]."""
+    low, high = float(picture.pixels.min()), float(picture.pixels.max())
+    if low < -OVERSHOOT or high > 1 + OVERSHOOT:
+        raise UserError(f"{file}: values run from {low:.3g} to {high:.3g}; scale them to [0, 1] (normals as ½ + ½ n)")
+    return torch.from_numpy(np.moveaxis(picture.pixels, 2, 0).copy()).clamp(0, 1)
+
+
+def _channels(file: Path, picture: Picture) -> Tensor:
+    if picture.pixels.shape[2] != 3:
+        raise UserError(f"{file}: is a grey picture; a map of this name has three channels: fix the file or its name")
+    return _unit(file, picture)
+
+
+def _grey(file: Path, picture: Picture) -> Tensor:
+    values = _unit(file, picture)
+    if (values - values.mean(0)).abs().mean() > COLOURED:
+        raise UserError(
+            f"{file}: is coloured where a grey map is meant; save it grey, or name it `arm` if red, green and blue are "
+            "occlusion, roughness and metallic"
+        )
+    return values.mean(0, keepdim=True)
+
+
+def _colour(file: Path, picture: Picture, encoding: str) -> Tensor:
+    """The colour map (3, H, W), linear."""
+    if encoding == "linear" and picture.stored in ("uint8", "int8"):
+        raise UserError(f'{file}: 8 bits hold sRGB values, too few for linear ones; read it with colour="srgb"')
+    values = _unit(file, picture).expand(3, -1, -1)
+    return linear_from_srgb(values) if encoding == "srgb" and "int" in picture.stored else values
+
+
+def _normal(textures: Textures, pictures: Mapping[str, Picture], flat: Tensor) -> Tensor:
+    """(3, H, W) unit normals."""
+    if "normal" in pictures:
+        return _decoded(textures.files["normal"], pictures["normal"], textures.down)
+    if "height" in pictures:
+        return normals_from_height(torch.from_numpy(pictures["height"].pixels.mean(-1)))
+    return torch.cat([flat, flat, flat + 1])
+
+
+def _decoded(file: Path, picture: Picture, down: bool) -> Tensor:
+    """n = 2 v - 1 of a normal map, renormalised; y is turned over if it points down.
+
+    Texels that point inward, as bakes of undercut shapes leave them, get z = √(1 - x² - y²), as engines that store x
+    and y alone show them.
+    """
+    x, y, z = 2 * _channels(file, picture) - 1
+    inward, length = (z <= 0).float().mean(), torch.stack([x, y, z]).norm(dim=0).median()
+    if inward > INWARD or not SHORTEST < length < LONGEST:
+        raise UserError(
+            f"{file}: is no normal map ({100 * inward:.0f} % of its normals point inward, their median length is "
+            f"{length:.2f}); give ½ + ½ n with z in blue, flat being (½, ½, 1)"
+        )
+    outward = torch.where(z > 0, z, (1 - x**2 - y**2).clamp(min=0).sqrt())
+    return F.normalize(torch.stack([x, -y if down else y, outward.clamp(min=STEEPEST)]), dim=0)
+
+
+def normals_from_height(h: Tensor) -> Tensor:
+    """(3, H, W) `normals_of` s h, of a height map h (H, W) that repeats itself.
+
+    s makes the RMS of the slope s |∇h| over the map as it is stored 0.25. A constant map is flat.
+    """
+    h = h.double()
+    h_x, h_y = slopes_of(h)
+    slope = (h_x**2 + h_y**2).mean().sqrt()
+    gain = SLOPE / slope if slope > 0 else 0.0
+    return normals_of(gain * h[None])[0].float()

@@ -1,0 +1,137 @@
+"""Which file of a texture set is which map, found by the words of its name.
+
+Words are separated by _ - . and spaces, by digits, or by a capital after a small letter, in any case:
+`Wood027_1K_NormalGL.jpg` says wood, 027, 1, k, normal, gl. The last word that names a map decides, so that
+`painted_metal_rough_1k.png` is a roughness map. The short words `metal` and `rough` also name materials: they count
+only after the words that all pictures of the folder begin with, which are its name.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+
+from ..._types import UserError
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp")
+WORDS = {
+    "colour": ("color", "colour", "albedo", "basecolor", "basecolour", "diffuse", "diff", "col"),
+    "roughness": ("roughness", "rough"),
+    "metallic": ("metallic", "metalness", "metal"),
+    "specular": ("specular", "spec"),
+    "normal": ("normal", "normals", "nor", "norm", "nrm", "normalgl", "normaldx"),
+    "height": ("height", "displacement", "disp", "bump"),
+    "packed": ("arm", "orm"),
+    "unused": ("ao", "occlusion", "opacity", "mask", "emission", "emissive", "gloss", "glossiness", "preview", "thumb"),
+}
+ROLE_OF = {word: role for role, words in WORDS.items() for word in words}
+PACKED = ({"roughness", "metallic"}, {"roughness", "metalness"})  # side by side, as glTF packs them
+WEAK = ("metal", "rough")
+UP = ("gl", "opengl", "ogl", "normalgl")  # green up the picture
+DOWN = ("dx", "directx", "normaldx")  # green down
+LOOKED_FOR = "; ".join(f"{role}: {', '.join(words)}" for role, words in WORDS.items() if role != "unused")
+
+
+@dataclass(frozen=True)
+class Textures:
+    """The files of a material.
+
+    Attributes:
+        files: role → file, for colour, roughness or packed, and of the others those that are there.
+        down: whether the normal map's green points down the picture (DirectX).
+    """
+
+    files: dict[str, Path]
+    down: bool = False
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a file's name without its suffix, in small letters."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
+
+
+def picture_names(folder: Path) -> list[Path]:
+    """The pictures that lie in a folder, sorted; hidden ones are none."""
+    files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
+    return sorted(f for f in files if f.is_file())
+
+
+def holds_material(folder: Path) -> bool:
+    """Whether pictures in this folder are named as two maps of a material."""
+    return len(candidates(folder).keys() - {"unused"}) > 1
+
+
+def candidates(folder: Path) -> dict[str, list[Path]]:
+    """Role → the files that are named as it."""
+    files = picture_names(folder)
+    words = [words_of(file.stem) for file in files]
+    shared = _shared_beginning(words) if len(files) > 1 else 0
+    found: dict[str, list[Path]] = {}
+    for file, said in zip(files, words):
+        role = role_of(said, shared)
+        if role is not None:
+            found.setdefault(role, []).append(file)
+    return found
+
+
+def _shared_beginning(words: list[list[str]]) -> int:
+    return len([*takewhile(lambda column: len(set(column)) == 1, zip(*words))])
+
+
+def role_of(words: list[str], shared: int = 0) -> str | None:
+    """The map that words name, the first `shared` of which are the material's."""
+    if any(set(pair) in PACKED for pair in zip(words[shared:], words[shared + 1 :])):
+        return "packed"
+    named = [ROLE_OF[w] for i, w in enumerate(words) if w in ROLE_OF and (w not in WEAK or i >= shared)]
+    return named[-1] if named else None
+
+
+def find_textures(folder: Path, normal: str = "auto") -> Textures:
+    """The files of a material's maps. `normal` "gl" or "dx" overrules what the normal map's name says.
+
+    A map of its own goes before the same one in a packed picture, and a normal map before a height map.
+
+    Raises:
+        UserError: if there is no folder, no map, no colour or roughness, or two files for one map.
+    """
+    if not folder.is_dir():
+        raise UserError(f"{folder}: there is no such folder; check the path")
+    found = candidates(folder)
+    if not set(found) & {"colour", "roughness", "packed"}:
+        raise UserError(f"{folder}: holds no texture maps; name pictures by one of these words: {LOOKED_FOR}")
+    if "colour" not in found:
+        raise UserError(f"{folder}: has no colour map; add a picture named {', '.join(WORDS['colour'])}")
+    if not set(found) & {"roughness", "packed"}:
+        raise UserError(
+            f"{folder}: has no roughness map; add one named roughness, a grey picture (inverted if it is glossiness)"
+        )
+    found["normal"] = _preferred(found.get("normal", []), normal)
+    wanted = {role for role in WORDS if found.get(role)} - {"unused"}
+    wanted -= {"height"} if found["normal"] else set()
+    wanted -= {"packed"} if {"roughness", "metallic"} <= wanted else set()
+    files = {role: _only(folder, role, found[role]) for role in WORDS if role in wanted}
+    down = normal == "dx" or (normal == "auto" and "normal" in files and _says(files["normal"], DOWN))
+    return Textures(files, down)
+
+
+def _preferred(files: list[Path], normal: str) -> list[Path]:
+    """Of a pair for OpenGL and DirectX the one that was asked for; default: OpenGL."""
+    up, down = ([f for f in files if _says(f, words)] for words in (UP, DOWN))
+    if up and down and len(up) + len(down) == len(files):
+        return down if normal == "dx" else up
+    return files
+
+
+def _says(file: Path, words: tuple[str, ...]) -> bool:
+    """Whether one of these words is in a file's name."""
+    return any(word in words for word in words_of(file.stem))
+
+
+def _only(folder: Path, role: str, files: list[Path]) -> Path:
+    if len(files) > 1:
+        raise UserError(
+            f"{folder}: {files[0].name} and {files[1].name} could both be the {role} map; keep one in the folder"
+        )
+    return files[0]

@@ -1,0 +1,159 @@
+"""Materials from folders of texture maps, named as ambientCG, Poly Haven and most others name them.
+
+A texture set in the metallic-roughness convention (base colour b, metallic w, roughness r) becomes maps for
+`fresnel="albedo"`, where the specular albedo is the reflectance at normal incidence itself:
+
+    F0 = (1 - w) 0.04 + w b       0.08 s in place of 0.04 where there is a specular map s
+    k_d = (1 - w) b,   k_s = 0.2126 F0_r + 0.7152 F0_g + 0.0722 F0_b
+    m = r², at least 0.001        m = r with roughness="alpha"
+    n = 2 v - 1, renormalised     y turned over if the map has it pointing down ("DX"); w is 0 without a map
+
+Without a normal map, n comes from the height map if there is one, else the surface is flat.
+
+`texture_names.py` says which file is which map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from ..._types import UserError
+from ...ops.maps import MAPS, check_maps, pack_maps
+from .arrays import load_arrays
+from .found import Found, check_size
+from .framing import centred_square
+from .texture_maps import Convention, check_same_size, maps_of, pictures_of
+from .texture_names import find_textures, holds_material, picture_names
+
+
+def read_material(
+    folder: str | PathLike[str],
+    size: int | None = None,
+    *,
+    roughness: Literal["perceptual", "alpha"] = "perceptual",
+    normal: Literal["auto", "gl", "dx"] = "auto",
+    colour: Literal["srgb", "linear"] = "srgb",
+) -> Tensor:
+    """Read the maps (8, H, W) of a folder of textures, as `ops.maps` packs them and `fresnel="albedo"` reads them.
+
+    Args:
+        folder: holds a colour map and a roughness or a packed one (red occlusion, green roughness, blue metallic).
+        size: side of the result, area averages of the largest centred square; default: as stored.
+        roughness: what the map holds: "perceptual" r with m = r² (glTF, ambientCG, Poly Haven) or "alpha" m itself.
+        normal: "gl" has green up and "dx" down; "auto" goes by the name, OpenGL where it says nothing.
+        colour: how integer pixels of the colour map are encoded; floats are linear always.
+
+    Raises:
+        UserError: for a map that is missing, double, damaged or of another size, or values that cannot be that map's.
+    """
+    folder = Path(folder)
+    if size is not None:
+        check_size(folder, size)
+    convention = Convention(roughness, normal, colour)
+    textures = find_textures(folder, convention.normal)
+    maps = maps_of(textures, check_same_size(folder, pictures_of(textures)), convention)
+    return check_maps(_resized(pack_maps(maps), size), str(folder))[0]
+
+
+def find_materials(
+    path: Path,
+    size: int | None = None,
+    convention: Convention | None = None,
+    strict: bool = False,
+) -> Found:
+    """Read materials (N, 8, size, size), or as stored, with their names, and which were skipped and why.
+
+    A folder is a material, or holds folders of materials at any depth. An .npz holds `diffuse`, `specular`,
+    `roughness` and `normal`, (N, C, H, W) or (C, H, W), floats as `unproject sample` writes them: taken as they are.
+
+    Raises:
+        UserError: if there is no material, none that can be used, or with `strict` one that cannot.
+    """
+    meant = convention or Convention()
+    check_size(path, size)
+    if path.suffix.lower() == ".npz":
+        return _from_arrays(path, size)
+    folders = _material_folders(path)
+    found: dict[str, Tensor] = {}
+    skipped: dict[str, str] = {}
+    for name, folder in folders.items():
+        try:
+            found[name] = read_material(folder, size, **vars(meant))
+        except UserError as error:
+            if strict or len(folders) == 1:
+                raise
+            skipped[name] = str(error)
+    if not found:
+        raise UserError(f"{path}: none of the {len(skipped)} materials can be used ({next(iter(skipped.values()))})")
+    return Found(_stacked(path, found), tuple(found), None, tuple(skipped.items()), str(path))
+
+
+def _stacked(path: Path, materials: Mapping[str, Tensor]) -> Tensor:
+    sizes = {x.shape[-2:]: name for name, x in materials.items()}
+    if len(sizes) > 1:
+        (first, one), (second, two) = [*sizes.items()][:2]
+        raise UserError(
+            f"{path}: {one} is {first[1]} × {first[0]} pixels and {two} {second[1]} × {second[0]}; give a size for all"
+        )
+    return torch.stack([*materials.values()])
+
+
+def _material_folders(path: Path) -> dict[str, Path]:
+    """Name → folder: the folder itself if it is a material, else each below it that is or is meant to be one."""
+    if not path.is_dir():
+        raise UserError(f"{path}: there is no such folder; name a folder of texture maps, or an .npz of maps")
+    if holds_material(path):
+        return {path.name: path}
+    below = sorted(folder for folder in path.rglob("*") if folder.is_dir())
+    named = {folder.relative_to(path).as_posix(): folder for folder in below if _is_material(folder)}
+    named = {name: f for name, f in named.items() if not any(p.startswith((".", "__")) for p in Path(name).parts)}
+    return named or {path.name: path}
+
+
+def _is_material(folder: Path) -> bool:
+    """One with maps; or one with pictures and nothing below, whose names are wrong."""
+    return holds_material(folder) or (bool(picture_names(folder)) and not any(p.is_dir() for p in folder.iterdir()))
+
+
+def _from_arrays(path: Path, size: int | None) -> Found:
+    arrays = load_arrays(path)
+    maps = {}
+    for name in (name for name in MAPS if name in arrays):
+        values = arrays[name]
+        if values.dtype.kind != "f":
+            raise UserError(
+                f"{path}: {name} holds {values.dtype} values, which would be read as linear; decode them and save "
+                "linear float32"
+            )
+        if values.ndim not in (3, 4) or values.size == 0:
+            raise UserError(
+                f"{path}: {name} is of shape {values.shape}; give (N, C, H, W) or (C, H, W), none of them 0"
+            )
+        with np.errstate(over="ignore"):
+            maps[name] = torch.from_numpy(values.astype(np.float32).reshape(-1, *values.shape[-3:]))
+    try:
+        packed = pack_maps(maps)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from None
+    names = arrays.get("names")
+    if names is not None and names.shape != (len(packed),):
+        raise UserError(f"{path}: names {names.shape} for {len(packed)} materials; give each one, or none")
+    items = _resized(check_maps(packed, str(path)), size)
+    return Found(items, None if names is None else [*map(str, names)], source=str(path))
+
+
+def _resized(maps: Tensor, size: int | None) -> Tensor:
+    """(B, 8, size, size) of the largest centred square: area averages, bilinear where it grows; normals stay unit."""
+    if size is None or maps.shape[-2:] == (size, size):
+        return maps
+    maps = centred_square(maps, size)
+    place = MAPS["normal"]
+    return torch.cat([maps[:, : place.start], F.normalize(maps[:, place], dim=1)], 1)

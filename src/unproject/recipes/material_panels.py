@@ -1,0 +1,189 @@
+"""Panels of materials: observations of maps and photographs, and where their images come from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor
+
+from .._random import derived_seed, generator_at
+from .._types import UserError
+from ..assignment import Panel
+from ..data import Collection, material_patches, observe, photographed, procedural_probes, read_probes
+from ..ops.maps import MAPS
+from ..ops.microfacet import Reflection
+from ..ops.shading import Sampling
+from ..projections import Identity, Observation, Rendering, Selection, rendering_prior, standardised
+from ..projections.rendering import Lighting
+from ..training.estimate import require_memory
+
+Materials = Callable[[int, int, int], Tensor]
+"""(count, size, seed) → maps (count, 8, size, size) of a procedural data set."""
+Views = Literal["known", "direct"]
+VIEWED_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "raking": 0.0, "coloured": 0.0, "ambient": 0.0}
+"""Photograph → degrees of the camera from the normal."""
+MIRRORED = {
+    **dict.fromkeys((*MAPS, "flash", "lamp", "ambient", "itself"), ((3,), (2,), (2, 3))),
+    "raking": ((2,),),
+    "top": ((2, 3),),
+}
+"""Axes along which the image of an observation may be flipped: the result is an image of the mirrored material. Natural
+light has no mirror image, but may be turned by half a turn; cameras are within 5° of the normal."""
+LAMPS = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), math.pi)}
+"""Angles of fixed lamps from the normal, and around it, in radians."""
+UNKNOWN_LIGHT = {"top", "grazing"}
+ENLARGED = 4  # texture sets are read at so many times the size of the patches that are cut out of them
+
+
+class Weights(NamedTuple):
+    """Weights of photographs in the generator's loss, under lamps and under natural light; and their penalty scale."""
+
+    lamps: float = 1.0
+    natural: float = 1.0
+    penalty_scale: float = 1.0
+
+
+class Light(NamedTuple):
+    """Natural light (a folder, an .npz or one file; None: procedural probes) and Monte Carlo samples a pixel."""
+
+    probes: Path | None
+    samples: int
+
+
+EQUAL = Weights()
+
+Source = Callable[[Observation, int], Tensor]
+"""(observation, count) → its images, each of another material."""
+
+
+def source_of(procedural: Materials, data: Path | None, size: int, seed: int) -> Source:
+    """Return where images come from: a procedural data set, the materials of `data`, or folders of pictures."""
+    if data is not None and are_photographs(data):
+        return lambda observation, count: _first(
+            Collection.photographs(data, observation.name, size).floats(), count, seed
+        )
+    found = None if data is None else textures_of(data, size)
+
+    def images(observation: Observation, count: int) -> Tensor:
+        own = derived_seed(seed, 0, f"materials/{observation.name}")
+        if found is None:
+            require_memory(64 * count * size**2, f"making {count} materials", "lower --size or --maps, or give --data")
+            x = procedural(count, size, own)
+        elif found.shape[-1] == size:
+            x = _first(found, count, own)
+        else:
+            x = material_patches(found, count, size, own)
+        return observe(x, [observation], seed=own).floats()
+
+    return images
+
+
+def textures_of(data: Path, size: int) -> Tensor:
+    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them."""
+    return Collection.materials(data, None if data.suffix == ".npz" else ENLARGED * size).warn_skipped().floats()
+
+
+def are_photographs(data: Path | None) -> bool:
+    """Whether a folder has sub-folders of pictures, one an observation."""
+    return data is not None and bool(photographed(data))
+
+
+def with_mirror_images(source: Source) -> Source:
+    """Return the same images and all their mirror images that light and camera allow (`MIRRORED`)."""
+
+    def images(observation: Observation, count: int) -> Tensor:
+        found, name = source(observation, count), observation.name
+        return torch.cat([found, *(mirrored(name, found, axes) for axes in MIRRORED.get(name, ()))])
+
+    return images
+
+
+def mirrored(observation: str, images: Tensor, axes: tuple[int, ...]) -> Tensor:
+    """Flip images along rows (2), columns (3) or both; x and y of normals change sign."""
+    flipped = images.flip(axes)
+    first = {"normal": 0, "itself": MAPS["normal"].start}.get(observation)
+    if first is not None:
+        for axis, channel in ((3, first), (2, first + 1)):
+            if axis in axes:
+                flipped[:, channel] *= -1
+    return flipped
+
+
+def observations_of(data: Path | None) -> tuple[str, ...]:
+    """Return the observations that `data` has sub-folders for; else the maps, flash, coloured and ambient."""
+    found = () if data is None else photographed(data)
+    return found or (*MAPS, "flash", "coloured", "ambient")
+
+
+def panels_of(
+    source: Source,
+    views: Views,
+    names: Sequence[str],
+    counts: tuple[int, int],
+    light: Light,
+    weights: Weights = EQUAL,
+) -> list[Panel]:
+    """Return a panel for each observation; or one of the materials themselves, with as many images in all.
+
+    Args:
+        counts: images of each map, and of each kind of photograph.
+    """
+    count_of = dict.fromkeys(MAPS, counts[0]) | dict.fromkeys(VIEWED_FROM, counts[1])
+    chosen = [name for name in dict.fromkeys(names) if count_of.get(name, 1)]
+    natural = natural_light(chosen, light.probes)
+    observations = [observation_of(name, natural, light.samples) for name in chosen]
+    if not observations:
+        raise UserError("observations: name at least one, with at least one sample")
+    if views == "direct":
+        itself = Observation("itself", Identity())
+        return [standardised_panel(itself, source(itself, max(1, sum(map(count_of.__getitem__, chosen)) // len(MAPS))))]
+    return [standardised_panel(o, source(o, count_of[o.name]), weights) for o in observations]
+
+
+def _first(items: Tensor, count: int, seed: int) -> Tensor:
+    """Return `count` items, or all there are, in a random order."""
+    return items[torch.randperm(len(items), generator=generator_at(seed, 0, "order"))[:count]]
+
+
+def natural_light(names: Sequence[str], probes: Path | None, height: int = 32) -> Tensor | None:
+    """Return environments (K, 3, height, 2 height): those of a path, or procedural ones; None if none is needed."""
+    if not UNKNOWN_LIGHT & set(names):
+        return None
+    return procedural_probes(height)[0] if probes is None else read_probes(probes, height)[0]
+
+
+def observation_of(name: str, natural: Tensor | None, samples: int) -> Observation:
+    """Return the observation of this name.
+
+    Raises:
+        UserError: for an unknown name.
+    """
+    if name in ("diffuse", "specular", "roughness", "normal"):
+        return Observation(name, Selection(name))
+    if name not in VIEWED_FROM:
+        raise UserError(f"observations: there is none called {name!r}; choose from {', '.join((*MAPS, *VIEWED_FROM))}")
+    lit: dict[str, Lighting] = {"coloured": "coloured", "ambient": "ambient"}
+    lit |= {"flash": "directional", "lamp": "directional", "raking": "directional"}
+    lighting = lit.get(name, natural)
+    assert lighting is not None
+    rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
+    light, azimuth = ({"flash": (0.0, None)} | LAMPS).get(name, (None, None))
+    return Observation(
+        name, rendering, rendering_prior(rendering, math.radians(VIEWED_FROM[name]), light, light_azimuth=azimuth)
+    )
+
+
+def standardised_panel(observation: Observation, images: Tensor, weights: Weights = EQUAL) -> Panel:
+    """Return an observation's panel, its images and projections standardised by the images' mean and deviation."""
+    name = observation.name
+    projection = standardised(observation.projection, images)
+    data = Collection(projection.standardise(images), source=f"{len(images)} images of {name}")
+    observed = [Observation(name, projection, observation.prior)]
+    if name not in VIEWED_FROM:
+        return Panel(observed, data)
+    weight = weights.natural if name in UNKNOWN_LIGHT else weights.lamps
+    return Panel(observed, data, weight=weight, penalty_scale=weights.penalty_scale)

@@ -1,0 +1,268 @@
+"""The whole chain: `train`, the very command that it prints, the picture that this promises, and `evaluate`."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from torch import Tensor
+
+from unproject import export
+from unproject.cli import main
+from unproject.data import chairs, digits
+from unproject.domains import relit
+from unproject.recipes import names
+from unproject.training import load
+
+TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}"
+SMALL = ["--size", "16", "--channels", "16", "--batch", "4", "--steps", "2", "--quiet", "--threads", "1"]
+NARROW = ["--discriminator-channels", "4"]
+FEW_VIEWS = ["--bins", "4", "--views-per-shape", "2"]
+FEW_MAPS = ["--maps", "4", "--renderings", "2", *NARROW]
+FLAGS = {
+    "shapes": [*FEW_VIEWS, "--rank", "2", "--rounds", "1"],
+    "shapes-paper": [*FEW_VIEWS, *NARROW, "--predictor-steps", "1", "--predictor-images", "16"],
+    "digits": [],
+    "digits-paper": NARROW,
+}
+
+
+def shapes_sheet(x: Tensor) -> Image.Image:
+    return export.contact_sheet(x)
+
+
+def digits_sheet(x: Tensor) -> Image.Image:
+    return export.silhouette_sheet(x, scale=2)
+
+
+def materials_sheet(x: Tensor) -> Image.Image:
+    return export.material_sheet(x, relit(x))
+
+
+def sheet_of(recipe: str) -> Callable[[Tensor], Image.Image]:
+    known = {"shapes": shapes_sheet, "digits": digits_sheet}
+    return known.get(recipe.removesuffix("-paper"), materials_sheet)
+
+
+@pytest.fixture(autouse=True)
+def few_chairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.held_out.CHAIRS", 8)
+
+
+def trained(run: Path, recipe: str, *flags: str) -> None:
+    assert main(["train", recipe, *flags, "--out", str(run)]) == 0
+
+
+def pixels(picture: Image.Image) -> np.ndarray:
+    return np.asarray(picture.convert("RGB"))
+
+
+@pytest.mark.parametrize("recipe", [*names(), f"{TOY}:own"], ids=lambda name: Path(name).name)
+def test_the_printed_command_draws_what_was_learned(
+    recipe: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "a run"
+    own = recipe.startswith(TOY)
+    trained(run, recipe, *(["--quiet"] if own else [*FLAGS.get(recipe, FEW_MAPS), *SMALL]))
+    command = capsys.readouterr().out.strip().partition("next: unproject ")[2]
+    assert main(shlex.split(command)) == 0
+    draw = shapes_sheet if own else sheet_of(recipe)
+    samples = load(run, trust=own).sample(16)
+    with Image.open(run / "samples.png") as picture:
+        assert np.array_equal(pixels(picture), pixels(draw(samples)))
+    capsys.readouterr()
+    assert main(["evaluate", str(run), "--n", "16", "--threads", "1", "--json", *(["--trust"] if own else [])]) == 0
+    scores = json.loads(capsys.readouterr().out)
+    expected = {"shapes": "mmd_iou", "digits": "frechet"}.get(recipe.removesuffix("-paper"), "correlation_error")
+    assert ("in_one_piece" if own else expected) in scores
+
+
+# Data of one's own, without a reference
+
+
+@pytest.fixture
+def own_data(tmp_path: Path) -> Callable[[str], Path]:
+    def write(recipe: str) -> Path:
+        path = tmp_path / "own.npz"
+        if recipe == "shapes":
+            np.savez(path, silhouettes=chairs(12, 16).amax(3).transpose(1, 2).flip(1).numpy())
+        elif recipe == "digits":
+            np.savez(path, images=digits(16)[:12, 0].numpy())
+        else:
+            for name in ("diffuse", "flash"):
+                (tmp_path / "own" / name).mkdir(parents=True)
+                for k in range(8):
+                    noise = Image.effect_noise((40, 36), 60 + k).convert("RGB")
+                    noise.save(tmp_path / "own" / name / f"{k}.png")
+            return tmp_path / "own"
+        return path
+
+    return write
+
+
+CHECKS = {
+    "shapes": {"diversity", "in_one_piece", "empty", "kernel_silhouette", "view_information", "views_used"},
+    "digits": {"diversity", "kernel_line"},
+    "wood": {"diversity", "patch_diffuse", "patch_flash"},
+}
+
+
+@pytest.mark.parametrize("recipe", CHECKS)
+def test_a_run_without_a_reference_is_checked_by_itself(
+    recipe: str, own_data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    small = SMALL if recipe == "wood" else [*FLAGS[recipe], *SMALL]
+    trained(run, recipe, "--data", str(own_data(recipe)), *small)
+    capsys.readouterr()
+    assert main(["evaluate", str(run), "--n", "12", "--json", "--threads", "1"]) == 0
+    scores = json.loads(capsys.readouterr().out)
+    assert CHECKS[recipe] <= set(scores)
+    against_data = [name for name in scores if name.startswith(("kernel_", "patch_"))]
+    assert all("training images" in scores[name]["protocol"] for name in against_data)
+
+    assert main(["evaluate", str(run), "--n", "12", "--threads", "1"]) == 0
+    table = capsys.readouterr().out
+    assert "Self-checks only; --reference" in table
+    for score in scores.values():
+        _, _, setting = score["protocol"].partition(", ")
+        assert table.count(setting or "all") >= 1 and len(re.findall(f"^{re.escape(setting)}:$", table, re.M)) <= 1
+
+
+def test_a_table_prints_each_setting_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = tmp_path / "run"
+    trained(run, "digits", *SMALL)
+    capsys.readouterr()
+    assert main(["evaluate", str(run), "--n", "20", "--threads", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    headings = [line for line in lines if not line.startswith(" ")]
+    assert len(set(headings)) == len(headings) and len(headings) < len(lines) / 2
+    assert max(len(line) for line in lines if line.startswith(" ")) < 120
+
+
+# A short trial
+
+
+def test_a_short_trial_has_few_rounds(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    trained(run, "shapes", *FEW_VIEWS, "--rank", "2", *SMALL, "--steps", "40")
+    events = [line.get("event") for line in load(run).stats()]
+    assert 1 <= events.count("assigned") <= 4
+
+
+# Memory and time
+
+
+def test_a_step_that_needs_too_much_memory_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda device: 10**6)
+    run = tmp_path / "run"
+    assert main(["train", "digits", *SMALL, "--out", str(run)]) == 2
+    error = capsys.readouterr().err
+    assert re.match(
+        r"unproject: a training step takes about \d+\.\d GB and 0\.0 GB are available; "
+        r"lower --size or --batch or --channels, or add --force\n$",
+        error,
+    )
+    assert not run.exists()
+    trained(run, "digits", *SMALL, "--force")
+    assert load(run).step == 2
+
+
+def test_data_that_need_too_much_memory_are_refused_before_they_are_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 10**6)
+    began = time.monotonic()
+    assert main(["train", "shapes", "--size", "256", "--out", str(tmp_path / "run")]) == 2
+    assert "chairs of 256³ voxels takes about" in capsys.readouterr().err and time.monotonic() - began < 20
+    assert not (tmp_path / "run").exists()
+    assert main(["train", "wood", "--size", "64", "--maps", "100000000", "--out", str(tmp_path / "run")]) == 2
+    assert "lower --size or --maps, or give --data, or add --force" in capsys.readouterr().err
+
+
+def test_long_steps_are_announced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("unproject.cli.train.LONG", 0.0)
+    trained(tmp_path / "run", "digits", *SMALL)
+    first, last = capsys.readouterr().out.splitlines()
+    assert re.match(r"about \d+\.\d GB, about \d+ s a step$", first) and "next:" in last
+
+
+SLEEPY = """
+import time
+from pathlib import Path
+def recipe(*, seed: int = 0):
+    Path(__file__).with_name("begun").touch()
+    time.sleep(300)
+"""
+
+
+def test_a_signal_ends_the_preparation_of_data(tmp_path: Path) -> None:
+    (tmp_path / "sleepy.py").write_text(SLEEPY)
+    words = [sys.executable, "-m", "unproject", "train", f"{tmp_path}/sleepy.py:recipe", "--out", f"{tmp_path}/run"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
+        deadline = time.monotonic() + 120
+        while not (tmp_path / "begun").exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        asked = time.monotonic()
+        child.terminate()
+        child.communicate(timeout=30)
+    assert child.returncode != 0 and time.monotonic() - asked < 10
+    assert not (tmp_path / "run").exists()
+
+
+# Empty samples
+
+
+def silent(run: Path) -> None:
+    """Make all samples of a run of shapes or images empty."""
+    from safetensors.torch import load_file, save_file
+
+    from unproject.training.checkpoint import FORMAT
+
+    (newest,) = sorted((run / "checkpoints").glob("*.safetensors"))[-1:]
+    tensors = load_file(newest)
+    tensors["average/bias"] = torch.full_like(tensors["average/bias"], -50.0)
+    save_file(tensors, newest, metadata={"format": FORMAT})
+
+
+def test_empty_samples_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = tmp_path / "run"
+    trained(run, "shapes", *FLAGS["shapes"], *SMALL)
+    silent(run)
+    capsys.readouterr()
+    words = ["export", str(run), "--to", "png", "--out", str(tmp_path / "x.png")]
+    assert main(words) == 0
+    assert capsys.readouterr().err.startswith("warning: all 16 samples are empty (nothing above 0.5)")
+    assert main(["resume", str(run), "--steps", "3", "--quiet"]) == 0
+    np.savez(tmp_path / "full.npz", volume=np.ones((2, 8, 8, 8), np.float32))
+    capsys.readouterr()
+    assert main(["export", str(tmp_path / "full.npz"), "--to", "png", "--out", str(tmp_path / "y.png")]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("value, warned", [(0.0, True), (1.0, False)])
+def test_train_says_at_its_end_that_samples_are_empty(
+    value: float,
+    warned: bool,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("unproject.training.Run.sample", lambda self, n, seed=0: torch.full((n, 16, 16, 16), value))
+    trained(tmp_path / "run", "shapes", *FLAGS["shapes"], *SMALL)
+    assert capsys.readouterr().err.startswith("warning: all 6 samples are empty") == warned

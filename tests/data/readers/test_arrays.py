@@ -1,0 +1,140 @@
+"""Arrays: what is accepted, how it is read, and one message for everything else."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from unproject._types import UserError
+from unproject.data import Framing, read
+
+masks = np.zeros((3, 20, 20), bool)
+masks[:, 4:16, 6:10] = True
+
+
+def saved(folder, **arrays):
+    np.savez(folder / "x.npz", **arrays)
+    return folder / "x.npz"
+
+
+@pytest.mark.parametrize("key", ["image", "images", "sil", "silhouette", "masks"])
+@pytest.mark.parametrize("form", [masks, masks * np.uint8(255), masks * np.float64(1), masks * np.uint8(1)])
+def test_pictures_of_every_type_are_the_same(tmp_path, key, form):
+    found = read(saved(tmp_path, **{key: form}))
+    assert np.array_equal(found.floats()[:, 0], masks)
+    assert found.items.dtype == (torch.float32 if form.dtype == np.float64 else torch.uint8)
+
+
+def test_a_lone_array_needs_no_name_and_labels_are_left_alone(tmp_path):
+    found = read(saved(tmp_path, anything=masks, label=np.arange(3)))
+    assert found.items.shape == (3, 1, 20, 20) and found.latents is None
+    np.save(tmp_path / "y.npy", masks)
+    assert torch.equal(read(tmp_path / "y.npy").items, found.items)
+
+
+def test_volumes_are_kept_as_they_are_and_resized_on_demand(tmp_path):
+    x = np.random.default_rng(0).random((2, 30, 30, 30), dtype=np.float32)
+    path = saved(tmp_path, volume=x)
+    assert np.array_equal(read(path).items, x)
+    padded = read(path, size=32).items
+    assert np.array_equal(padded[:, 1:31, 1:31, 1:31], x) and padded.sum() == pytest.approx(float(x.sum()), rel=1e-5)
+    halved = read(path, size=15).items
+    assert float(halved[0, 0, 0, 0]) == pytest.approx(float(x[0, :2, :2, :2].mean()), rel=1e-5)
+
+
+def test_channels_first_and_last(tmp_path):
+    rgba = np.zeros((2, 20, 20, 4), np.float32)
+    rgba[:, 5:15, 5:15, 3] = 1
+    last = read(saved(tmp_path, images=rgba), framing=Framing()).floats()
+    first = read(saved(tmp_path, images=np.moveaxis(rgba, 3, 1)), framing=Framing()).floats()
+    assert torch.equal(first, last) and float(last.mean()) == pytest.approx(0.85**2, rel=2e-3)
+
+
+def test_framing_applies_when_given_and_skips_what_is_empty(tmp_path):
+    some = masks.copy()
+    some[1] = False
+    path = saved(tmp_path, sil=some, azimuth=np.array([0.1, 0.2, 0.3]))
+    found = read(path, size=40, framing=Framing())
+    assert found.names == ("00000", "00002") and found.skipped[0][0] == "00001" and found.items.shape[2:] == (40, 40)
+    assert found.latents is not None and found.latents["azimuth"].tolist() == pytest.approx([0.1, 0.3])
+    with pytest.raises(UserError, match="item 1: empty"):
+        read(path, framing=Framing(), strict=True)
+
+
+def test_latents_stand_beside_the_pictures(tmp_path):
+    found = read(saved(tmp_path, sil=masks, azimuth=np.arange(3.0), elevation=np.zeros(3, np.float32)))
+    assert found.latents is not None and found.latents["azimuth"].tolist() == [0, 1, 2]
+    for wrong in (np.arange(2.0), np.array([0, 1, np.nan]), np.array(["a", "b", "c"])):
+        with pytest.raises(UserError, match="azimuth: is .*radians for each of 3"):
+            read(saved(tmp_path, sil=masks, azimuth=wrong))
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"sil": masks.astype(complex)}, "sil: is of type complex128; save it as bool"),
+        ({"sil": masks.astype(np.int64)}, "sil: is of type int64"),
+        ({"sil": masks.astype(str)}, "sil: is of type <U5"),
+        ({"sil": np.where(masks, np.nan, 0)}, "sil: has 144 values that are NaN"),
+        ({"sil": masks * 2.0}, r"values run from 0 to 2; scale them to \[0, 1\]"),
+        ({"sil": masks - 0.5}, "values run from -0.5"),
+        ({"sil": masks[0]}, r"sil: is of shape \(20, 20\)"),
+        ({"sil": np.zeros((0, 8, 8))}, "is empty"),
+        ({"volume": masks}, r"volumes are \(N, X, Y, Z\)"),
+        ({"volume": np.zeros((2, 8, 8, 9))}, "X = Y = Z"),
+        ({"label": np.arange(3)}, "none could be the data"),
+        ({"sil": masks, "volume": np.zeros((3, 8, 8, 8))}, "several could be the data"),
+        ({"sil": np.array([masks, None], dtype=object)}, "Python objects, which are never loaded"),
+        ({}, "holds nothing"),
+    ],
+)
+def test_wrong_arrays_say_what_to_mend(tmp_path, arrays, message):
+    with pytest.raises(UserError, match=message):
+        read(saved(tmp_path, **arrays))
+
+
+def test_truncated_and_foreign_files(tmp_path):
+    path = saved(tmp_path, sil=masks)
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(UserError, match=r"x\.npz: is damaged or of another format"):
+        read(path)
+    np.save(tmp_path / "y.npy", masks)
+    (tmp_path / "y.npy").write_bytes((tmp_path / "y.npy").read_bytes()[:-100])
+    (tmp_path / "words.txt").write_text("hello")
+    for name in ("y.npy", "words.txt"):
+        with pytest.raises(UserError, match="is damaged or of another format"):
+            read(tmp_path / name)
+
+
+def test_idx_files_gzipped_or_not(tmp_path):
+    digits = np.random.default_rng(0).integers(0, 256, (5, 28, 28), dtype=np.uint8)
+    raw = b"\0\0\x08\x03" + struct.pack(">III", 5, 28, 28) + digits.tobytes()
+    (tmp_path / "a-idx3-ubyte").write_bytes(raw)
+    (tmp_path / "a-idx3-ubyte.gz").write_bytes(gzip.compress(raw))
+    for name in ("a-idx3-ubyte", "a-idx3-ubyte.gz"):
+        assert np.allclose(read(tmp_path / name).floats()[:, 0], digits / 255)
+    (tmp_path / "a-idx3-ubyte").write_bytes(raw[:-9])
+    with pytest.raises(UserError, match="announces 5 x 28 x 28 values and holds 3911"):
+        read(tmp_path / "a-idx3-ubyte")
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    place=st.integers(0, 10**6), value=st.integers(0, 255), kept=st.floats(0, 1), suffix=st.sampled_from(["npz", "npy"])
+)
+def test_a_damaged_file_is_read_or_refused_and_nothing_else(tmp_path_factory, place, value, kept, suffix):
+    path = tmp_path_factory.mktemp("damage") / f"x.{suffix}"
+    np.savez(path, sil=masks) if suffix == "npz" else np.save(path, masks)
+    damaged = bytearray(path.read_bytes())
+    damaged[place % len(damaged)] = value
+    path.write_bytes(damaged if kept > 0.5 else damaged[: int(2 * kept * len(damaged))])
+    try:
+        assert len(read(path)) >= 1
+    except UserError as error:
+        assert str(path) in str(error)

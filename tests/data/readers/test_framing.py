@@ -1,0 +1,155 @@
+"""The framing rule against drawn shapes whose framed picture is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from unproject._types import UserError
+from unproject.data import AS_GIVEN, Framing, UnusablePicture, frame
+from unproject.data.readers.framing import area_resample, is_mask
+
+
+def disc(height: int, width: int, row: float, column: float, radius: float) -> np.ndarray:
+    y, x = np.mgrid[:height, :width] + 0.5
+    return (np.hypot(y - row, x - column) < radius).astype(np.float32)
+
+
+def box_of(image) -> tuple[int, int, int, int]:
+    rows, columns = np.flatnonzero((image[0] > 0.5).any(1)), np.flatnonzero((image[0] > 0.5).any(0))
+    return rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+
+
+def test_a_disc_anywhere_is_centred_fills_85_percent_and_keeps_its_area():
+    image = frame(disc(300, 500, 90, 400, 60), 64).image
+    top, bottom, left, right = box_of(image)
+    assert abs((top + bottom) / 2 - 32) <= 0.5 and abs((left + right) / 2 - 32) <= 0.5
+    assert abs((bottom - top) - 0.85 * 64) <= 1
+    assert float(image.mean()) == pytest.approx(math.pi / 4 * 0.85**2, rel=0.01)
+
+
+def test_aspect_is_kept_and_the_longer_side_fills():
+    picture = np.zeros((200, 200), np.float32)
+    picture[20:180, 90:130] = 1
+    top, bottom, left, right = box_of(frame(picture, 80).image)
+    assert bottom - top == 68 and right - left in (16, 17, 18)
+
+
+def test_edges_are_soft_unless_binary():
+    picture = disc(301, 301, 150, 150, 97)
+    soft, hard = frame(picture, 32).image, frame(picture, 32, Framing(binary=True)).image
+    assert ((soft > 0) & (soft < 1)).any() and set(hard.unique().tolist()) == {0.0, 1.0}
+
+
+def test_black_on_white_and_white_on_black_are_the_same_object():
+    picture = disc(100, 100, 40, 60, 25)
+    assert frame(picture, 32).background == "dark" and frame(1 - picture, 32).background == "light"
+    assert np.array_equal(frame(picture, 32).image, frame(1 - picture, 32).image)
+
+
+def test_polarity_can_be_forced_when_the_object_fills_the_border():
+    picture = np.ones((60, 60), np.float32)
+    picture[20:40, 20:40] = 0
+    assert float(frame(picture, 40).image[0, 20, 20]) == 1
+    assert float(frame(picture, 40, Framing(polarity="light")).image[0, 20, 20]) == 0
+
+
+def test_alpha_is_the_mask_if_it_is_not_opaque_and_is_ignored_if_it_is():
+    mask = disc(80, 80, 40, 40, 20)
+    cutout = np.stack([np.ones_like(mask)] * 3 + [mask], -1)
+    framed = frame(cutout, 32)
+    assert framed.channel == "alpha" and np.array_equal(framed.image, frame(mask, 32).image)
+    opaque = np.stack([mask] * 3 + [np.ones_like(mask)], -1)
+    assert frame(opaque, 32).channel == "luminance"
+    assert np.array_equal(frame(opaque, 32).image, frame(mask, 32).image)
+
+
+def test_threshold_decides_what_belongs_to_the_object():
+    picture = disc(100, 100, 50, 50, 20) + 0.4 * (disc(100, 100, 50, 50, 40) - disc(100, 100, 50, 50, 20))
+    small = frame(picture, 64, Framing(mode="keep", photo_threshold=0.5)).image.mean()
+    large = frame(picture, 64, Framing(mode="keep", threshold=0.3, photo_threshold=0.3)).image.mean()
+    assert float(large / small) == pytest.approx(4, rel=0.02)
+
+
+def test_a_pale_object_photographed_on_white_is_kept_whole():
+    photo = np.ones((100, 100, 3), np.float32)
+    photo[30:70, 30:50] = (0.2, 0.1, 0.1)
+    photo[30:70, 50:70] = (0.85, 0.85, 0.8)
+    framed = frame(photo, 40)
+    assert framed.channel == "photograph"
+    assert float(framed.image.mean()) == pytest.approx(0.85**2, rel=0.01)
+
+
+def test_a_mask_with_a_soft_edge_is_no_photograph():
+    y, x = np.mgrid[:80, :80] + 0.5
+    assert is_mask(np.clip(20.5 - np.hypot(y - 40, x - 40), 0, 1))
+    assert not is_mask(np.full((80, 80), 0.5))
+
+
+def test_keep_leaves_the_object_where_it_is():
+    picture = disc(100, 100, 25, 70, 15)
+    image = frame(picture, 50, Framing(mode="keep")).image
+    y, x = np.mgrid[:50, :50] + 0.5
+    mass = image[0].numpy()
+    assert (mass * y).sum() / mass.sum() == pytest.approx(12.5, abs=0.05)
+    assert (mass * x).sum() / mass.sum() == pytest.approx(35, abs=0.05)
+
+
+def test_keep_pads_a_wide_picture_to_a_square():
+    picture = np.ones((20, 40), np.float32)
+    picture[:, :4] = picture[:, -4:] = 0
+    image = frame(picture, 40, Framing(mode="keep", polarity="light")).image[0]
+    assert image[:10].sum() == 0 and image[30:].sum() == 0 and image[10:30, 4:36].min() == 1
+
+
+def test_as_given_keeps_grey_values():
+    picture = np.linspace(0, 1, 64, dtype=np.float32).reshape(8, 8)
+    assert np.allclose(frame(picture, 8, AS_GIVEN).image[0], picture)
+
+
+@pytest.mark.parametrize(
+    ("picture", "reason"),
+    [
+        (np.zeros((50, 50), np.float32), "empty"),
+        (np.ones((50, 50), np.float32), "empty"),
+        (disc(200, 200, 100, 100, 3), "too small: the object is 6 x 6"),
+        (np.pad(np.ones((200, 200), np.float32), ((0, 0), (0, 1))), "full"),
+    ],
+)
+def test_what_cannot_be_used_says_why(picture, reason):
+    with pytest.raises(UnusablePicture, match=reason):
+        frame(picture, 32, Framing(polarity="light" if reason == "full" else "auto"))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"fill": 0.0}, {"threshold": 1.5}, {"threshold": None}, {"mode": "squash"}, {"polarity": "up"}]
+)
+def test_a_framing_that_makes_no_sense_is_refused(wrong):
+    with pytest.raises(UserError, match="framing: "):
+        Framing(**wrong)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    height=st.integers(8, 90),
+    width=st.integers(8, 90),
+    size=st.integers(4, 70),
+    seed=st.integers(0, 1000),
+)
+def test_area_resampling_keeps_the_mean(height, width, size, seed):
+    image = np.random.default_rng(seed).random((height, width), dtype=np.float32)
+    side = max(height, width)
+    resampled = area_resample(image, ((height - side) / 2, (width - side) / 2, side), size)
+    assert float(resampled.mean()) == pytest.approx(float(image.sum()) / side**2, rel=1e-3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(dy=st.integers(-30, 30), dx=st.integers(-60, 60))
+def test_cropping_does_not_depend_on_where_the_object_stood(dy, dx):
+    assert np.allclose(
+        frame(disc(150, 220, 75 + dy, 110 + dx, 30), 32).image, frame(disc(150, 220, 75, 110, 30), 32).image, atol=1e-4
+    )

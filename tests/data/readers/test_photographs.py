@@ -1,0 +1,62 @@
+"""Folders of maps and photographs that do not belong together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from unproject._types import UserError
+from unproject.data import Collection
+
+
+def put(folder: Path, name: str, value: tuple[int, ...], size: tuple[int, int] = (40, 32)) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    Image.new("RGB" if len(value) == 3 else "L", size, value if len(value) == 3 else value[0]).save(folder / name)
+
+
+@pytest.mark.parametrize(
+    "name, value, expected",
+    [
+        ("diffuse", (188, 188, 0), (0.5029, 0.5029, 0.0)),  # sRGB
+        ("top", (188, 51, 255), (188 / 255, 0.2, 1.0)),  # as it is
+        ("grazing", (51,), (0.2, 0.2, 0.2)),
+        ("roughness", (128,), ((128 / 255) ** 2,)),  # m = r²
+        ("specular", (51, 51, 51), (0.2,)),
+        ("normal", (255, 128, 255), (0.7058, 0.0028, 0.7084)),
+    ],
+)
+def test_each_is_read_as_artists_store_it(tmp_path: Path, name: str, value: tuple, expected: tuple) -> None:  # type: ignore[type-arg]
+    put(tmp_path / name, "a.png", value)
+    put(tmp_path / name, "b.png", value)
+    found = Collection.photographs(tmp_path, name, 16)
+    assert found.items.shape == (2, len(expected), 16, 16)
+    torch.testing.assert_close(found.items[0, :, 3, 5], torch.tensor(expected), atol=2e-3, rtol=0)
+
+
+def test_the_middle_square_is_taken(tmp_path: Path) -> None:
+    picture = np.zeros((32, 64, 3), np.uint8)
+    picture[:, 16:48] = 255
+    (tmp_path / "top").mkdir()
+    Image.fromarray(picture).save(tmp_path / "top" / "a.png")
+    assert Collection.photographs(tmp_path, "top", 16).items.min() == 1
+
+
+def test_bad_ones_are_named_and_skipped(tmp_path: Path) -> None:
+    put(tmp_path / "normal", "good.png", (128, 128, 255))
+    put(tmp_path / "normal", "black.png", (0, 0, 0))
+    put(tmp_path / "normal", "tiny.png", (128, 128, 255), (4, 4))
+    (tmp_path / "normal" / "text.png").write_text("no picture")
+    found = Collection.photographs(tmp_path, "normal", 16)
+    assert found.names == ("normal/good.png",)
+    assert [name for name, _ in found.skipped] == ["normal/black.png", "normal/text.png", "normal/tiny.png"]
+    with pytest.raises(UserError, match="black"):
+        Collection.photographs(tmp_path, "normal", 16, strict=True)
+    with pytest.raises(UserError, match="leave grazing out"):
+        Collection.photographs(tmp_path, "grazing", 16)
+    put(tmp_path / "top", "tiny.png", (1, 1, 1), (2, 2))
+    with pytest.raises(UserError, match="none of the 1"):
+        Collection.photographs(tmp_path, "top", 16)

@@ -1,0 +1,188 @@
+"""Folders of pictures: what is used, what is skipped and why, and the views beside them."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from unproject._pictures import read_displayed
+from unproject._types import UserError
+from unproject.data import Framing, read
+
+
+def block(left: int = 20, width: int = 20) -> np.ndarray:
+    picture = np.zeros((80, 80), np.uint8)
+    picture[15:65, left : left + width] = 255
+    return picture
+
+
+def save(path: Path, picture: np.ndarray | None = None) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(block() if picture is None else picture).save(path)
+    return path
+
+
+def bomb(path: Path, side: int = 40000) -> None:
+    """A PNG of side x side pixels that never was: header, a little data, end."""
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    body = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(10**5))) + chunk(b"IEND", b"")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + body)
+
+
+def test_pictures_of_every_format_are_read_in_order_and_recursively(tmp_path):
+    for name in ("b.png", "a.jpg", "sub/c.webp", "d.bmp", "e.tif", "F.PNG"):
+        save(tmp_path / name)
+    (tmp_path / "notes.txt").write_text("no picture")
+    save(tmp_path / ".hidden.png")
+    found = read(tmp_path)
+    assert found.names == ("F.PNG", "a.jpg", "b.png", "d.bmp", "e.tif", "sub/c.webp")
+    assert found.items.shape == (6, 1, 64, 64) and found.items.dtype == torch.uint8
+    assert found.latents is None and found.skipped == () and len(found) == 6
+    assert (found.floats() - found.floats()[0]).abs().max() < 0.05
+
+
+def test_modes_of_pictures_agree(tmp_path):
+    mask = Image.fromarray(block())
+    mask.convert("1").save(tmp_path / "1.png")
+    mask.convert("P").save(tmp_path / "p.png")
+    mask.convert("RGB").save(tmp_path / "rgb.png")
+    Image.merge("LA", (Image.new("L", (80, 80), 128), mask)).save(tmp_path / "la.png")
+    Image.fromarray(block().astype(np.uint16) * 257).save(tmp_path / "deep.png")
+    Image.fromarray(255 - block()).save(tmp_path / "inverse.png")
+    Image.fromarray(block()).convert("CMYK").save(tmp_path / "cmyk.tif")
+    found = read(tmp_path, size=32)
+    assert len(found) == 7 and (found.items == found.items[:1]).all()
+
+
+def test_sixteen_bits_are_shares_of_65535(tmp_path):
+    Image.fromarray(np.full((8, 8), 16384, np.uint16)).save(tmp_path / "a.png")
+    assert np.allclose(read_displayed(tmp_path / "a.png"), 0.25, atol=1e-4)
+
+
+def test_a_photograph_is_turned_as_its_camera_says(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(block()).save(tmp_path / "a.jpg", exif=exif)
+    item = read(tmp_path).floats()[0, 0] > 0.5
+    assert item.any(0).sum() > item.any(1).sum()
+
+
+def test_bad_pictures_are_named_and_skipped(tmp_path):
+    good = save(tmp_path / "good.png")
+    (tmp_path / "garbage.png").write_bytes(b"these are no pixels")
+    (tmp_path / "empty.png").write_bytes(b"")
+    noise = np.random.default_rng(0).integers(0, 255, (200, 200), dtype=np.uint8)
+    whole = save(tmp_path / "truncated.jpg", noise).read_bytes()
+    (tmp_path / "truncated.jpg").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "cut.png").write_bytes(good.read_bytes()[:60])
+    save(tmp_path / "black.png", np.zeros((40, 40), np.uint8))
+    bomb(tmp_path / "bomb.png")
+    start = time.perf_counter()
+    found = read(tmp_path)
+    assert time.perf_counter() - start < 5
+    assert found.names == ("good.png",)
+    reasons = dict(found.skipped)
+    assert set(reasons) == {"garbage.png", "empty.png", "truncated.jpg", "cut.png", "black.png", "bomb.png"}
+    assert "truncated" in reasons["truncated.jpg"] and "too large" in reasons["bomb.png"]
+    assert reasons["black.png"].startswith("empty") and reasons["garbage.png"].startswith("unreadable")
+
+
+def test_a_bomb_between_pillows_two_limits_is_refused_too(tmp_path):
+    bomb(tmp_path / "bomb.png", 10000)
+    save(tmp_path / "good.png")
+    assert "too large" in dict(read(tmp_path).skipped)["bomb.png"]
+
+
+def test_strict_names_the_first_bad_picture(tmp_path):
+    save(tmp_path / "good.png")
+    (tmp_path / "bad.png").write_bytes(b"x")
+    with pytest.raises(UserError, match=r"bad\.png: unreadable.*--strict"):
+        read(tmp_path, strict=True)
+
+
+def test_missing_empty_and_hopeless_folders(tmp_path):
+    with pytest.raises(UserError, match="no such file or folder; check the path"):
+        read(tmp_path / "nowhere")
+    with pytest.raises(UserError, match="holds no picture; put png"):
+        read(tmp_path)
+    (tmp_path / "a.png").write_bytes(b"x")
+    with pytest.raises(UserError, match=r"none of the 1 pictures can be used \(a.png: unreadable"):
+        read(tmp_path)
+    with pytest.raises(UserError, match="is one picture; name the folder"):
+        read(save(tmp_path / "b.png"))
+
+
+def test_size_and_framing_are_obeyed(tmp_path):
+    save(tmp_path / "a.png")
+    found = read(str(tmp_path), size=40, framing=Framing(mode="keep"))
+    assert found.items.shape == (1, 1, 40, 40)
+    assert float(found.floats().mean()) == pytest.approx(block().mean() / 255, rel=1e-3)
+    with pytest.raises(UserError, match="a size of 1 is out of range; give 4"):
+        read(tmp_path, size=1)
+
+
+def test_float_pictures_with_nan_are_skipped(tmp_path):
+    values = np.full((20, 20), np.nan, np.float32)
+    Image.fromarray(values).save(tmp_path / "a.tif")
+    save(tmp_path / "b.png")
+    assert "NaN" in dict(read(tmp_path).skipped)["a.tif"]
+    assert read_displayed(tmp_path / "b.png").shape == (80, 80, 1)
+
+
+@pytest.fixture
+def pair(tmp_path):
+    save(tmp_path / "a.png"), save(tmp_path / "sub/b.png")
+    return tmp_path
+
+
+def test_views_are_radians_in_the_order_of_the_pictures(pair):
+    (pair / "views.csv").write_text("file, azimuth, elevation\nsub/b.png, 90, -10\n\na.png,-45.5,0\n")
+    latents = read(pair).latents
+    assert latents is not None and set(latents) == {"azimuth", "elevation"}
+    assert latents["azimuth"].tolist() == pytest.approx([math.radians(-45.5), math.pi / 2])
+    assert latents["elevation"].tolist() == pytest.approx([0, math.radians(-10)])
+
+
+def test_views_of_a_skipped_picture_are_left_out(pair):
+    (pair / "bad.png").write_bytes(b"x")
+    (pair / "views.csv").write_text("file,azimuth\na.png,10\nbad.png,20\nsub/b.png,30\n")
+    found = read(pair)
+    assert found.latents is not None
+    assert found.latents["azimuth"].rad2deg().tolist() == pytest.approx([10, 30])
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("file,azimuth\na.png,1\nsub/b.png,2\nc.png,3\n", r"line 4: there is no picture c\.png"),
+        ("file,azimuth\na.png,1\nsub/b.png,east\n", r"line 3: 'east' is no angle"),
+        ("file,azimuth\na.png,1\nsub/b.png,nan\n", r"line 3: 'nan' is no angle"),
+        ("file,azimuth\na.png,1\na.png,2\nsub/b.png,2\n", r"line 3: a\.png has a row already"),
+        ("file,azimuth\na.png,1,2\nsub/b.png,2\n", r"line 2: has 3 cells; give 2"),
+        ("file,azimuth\na.png,1\n", r"1 pictures have no row, the first is sub/b\.png"),
+        ("name,angle\na.png,1\n", r"line 1: the header is file,azimuth"),
+        ("", r"line 1: the header"),
+    ],
+)
+def test_faults_of_views_are_named_by_line(pair, table, message):
+    (pair / "views.csv").write_text(table)
+    with pytest.raises(UserError, match=message):
+        read(pair)
+
+
+def test_views_in_another_encoding(pair):
+    (pair / "views.csv").write_bytes("file,azimuth\na.png,1\n".encode("utf-16"))
+    with pytest.raises(UserError, match="save it as CSV in UTF-8"):
+        read(pair)

@@ -1,0 +1,400 @@
+"""Folders of textures become maps: by name, with the right numbers, and with one line where they cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from torch import Tensor
+
+from unproject._pictures import write_picture
+from unproject._types import UserError
+from unproject.data import Collection, read_material
+from unproject.data.readers.texture_maps import normals_from_height
+from unproject.data.readers.texture_names import role_of, words_of
+from unproject.ops.exposure import linear_from_srgb
+from unproject.ops.maps import unpack_maps
+
+MEASURED = Path(__file__).parents[4] / "shared" / "data" / "materials" / "svbrdf"
+GREY = 128  # sRGB's middle: 0.2158605 linear
+LINEAR = 0.2158605
+FLAT = (128, 128, 255)
+UPWARD = (128, 228, 206)  # a normal that leans to +y in the OpenGL convention
+SIZE = 8
+
+
+def paint(path: Path, value: Any, size: tuple[int, int] = (SIZE, SIZE), dtype: Any = np.uint8) -> Path:
+    """A picture of one value (or of the array given), of 8 or 16 bits."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pixels = np.asarray(value, dtype)
+    pixels = pixels if pixels.ndim >= 2 else np.broadcast_to(pixels, (*size, *pixels.shape))
+    if dtype is np.uint16:
+        write_picture(path, pixels / 65535, "uint16")
+    elif dtype is np.float32:
+        write_picture(path, pixels, "float")
+    else:
+        Image.fromarray(np.ascontiguousarray(pixels)).save(path)
+    return path
+
+
+def material(folder: Path, **others: Any) -> Path:
+    """A material of mid grey and half roughness; `others` are added or replace them, None leaves one out."""
+    for name, value in {"color": (GREY,) * 3, "roughness": GREY, **others}.items():
+        if value is not None:
+            paint(folder / f"{name}.png", value)
+    return folder
+
+
+def maps_of(folder: Path, **options: Any) -> dict[str, Tensor]:
+    return {name: value[0] for name, value in unpack_maps(read_material(folder, **options)[None]).items()}
+
+
+# --------------------------------------------------------------------------------------------------------------- names
+
+
+@pytest.mark.parametrize(
+    "name, role",
+    [
+        ("Wood027_1K_Color", "colour"),
+        ("Wood027_1K-JPG_Color", "colour"),
+        ("wood_planks_diff_1k", "colour"),
+        ("albedo", "colour"),
+        ("BaseColor", "colour"),
+        ("chair.basecolor.4k", "colour"),
+        ("Metal030_1K_Metalness", "metallic"),
+        ("rusty_metal_metallic", "metallic"),
+        ("painted_metal_rough_2k", "roughness"),
+        ("rough_wood_diff_1k", "colour"),
+        ("Planks_Roughness", "roughness"),
+        ("Wood027_1K_NormalGL", "normal"),
+        ("wood_nor_dx_1k", "normal"),
+        ("wall NORMAL", "normal"),
+        ("floor_spec_1k", "specular"),
+        ("Wood027_1K_Displacement", "height"),
+        ("wood_disp_1k", "height"),
+        ("wood_arm_1k", "packed"),
+        ("Crate_OcclusionRoughnessMetallic", "packed"),
+        ("Crate_MetallicRoughness", "packed"),
+        ("metallic_paint_roughness", "roughness"),
+        ("MetalSheet_AO", "unused"),
+        ("Wood027", None),
+        ("IMG_2041", None),
+    ],
+)
+def test_the_words_of_a_name_say_which_map_it_is(name: str, role: str | None) -> None:
+    assert role_of(words_of(name)) == role
+
+
+def test_words_are_split_at_signs_digits_and_capitals() -> None:
+    assert words_of("Wood027_1K_NormalGL") == ["wood", "027", "1", "k", "normal", "gl"]
+    assert words_of("old wood-nor.gl_4k") == ["old", "wood", "nor", "gl", "4", "k"]
+
+
+def test_a_preview_named_as_the_material_is_no_metallic_map(tmp_path: Path) -> None:
+    for name in ("Metal007_1K_Color", "Metal007_1K_Roughness"):
+        paint(tmp_path / f"{name}.png", GREY)
+    paint(tmp_path / "Metal007.png", 255)
+    paint(tmp_path / "Metal007_PREVIEW.jpg", 255)
+    assert maps_of(tmp_path)["specular"].max().item() == pytest.approx(0.04)
+    for name in ("rusty_metal_diff_1k", "rusty_metal_rough_1k", "rusty_metal_metal_1k"):
+        paint(tmp_path / "b" / f"{name}.png", 255)
+    assert maps_of(tmp_path / "b")["diffuse"].max() == 0, "Poly Haven's metal map"
+
+
+# --------------------------------------------------------------------------------------------------------------- values
+
+
+def test_the_maps_of_a_grey_dielectric(tmp_path: Path) -> None:
+    maps = maps_of(material(tmp_path))
+    assert read_material(tmp_path).shape == (8, SIZE, SIZE)
+    assert torch.allclose(maps["diffuse"], torch.tensor(LINEAR), atol=1e-6), "sRGB's mid grey"
+    assert torch.allclose(maps["specular"], torch.tensor(0.04)), "F0 of a dielectric"
+    assert torch.allclose(maps["roughness"], torch.tensor((GREY / 255) ** 2)), "m = r²"
+    assert maps["normal"].flatten(1).T.tolist() == [[0, 0, 1]] * SIZE**2
+    assert torch.allclose(maps_of(tmp_path, roughness="alpha")["roughness"], torch.tensor(GREY / 255))
+
+
+def test_srgb_is_decoded_at_known_points() -> None:
+    v = torch.tensor([0.0, 0.04, 0.5, 1.0], dtype=torch.float64)
+    assert linear_from_srgb(v).tolist() == pytest.approx([0, 0.0030960, 0.2140411, 1], abs=1e-7)
+
+
+def test_metal_takes_its_reflectance_from_its_colour(tmp_path: Path) -> None:
+    """F0 = lerp(0.04, b, w); k_s = its luminance, k_d = b (1 - w)."""
+    maps = maps_of(material(tmp_path, color=(255, 0, 0), metallic=51))
+    assert maps["diffuse"][:, 0, 0].tolist() == pytest.approx([0.8, 0, 0])
+    red, other = 0.8 * 0.04 + 0.2, 0.8 * 0.04
+    assert maps["specular"].mean().item() == pytest.approx(0.2126 * red + 0.7874 * other, abs=1e-6)
+
+
+def test_a_specular_map_scales_the_dielectrics_reflectance(tmp_path: Path) -> None:
+    assert maps_of(material(tmp_path, specular=255))["specular"].mean().item() == pytest.approx(0.08)
+    assert maps_of(material(tmp_path, specular=255, metallic=255))["specular"].mean().item() == pytest.approx(LINEAR)
+
+
+def test_packed_maps_are_occlusion_roughness_metallic(tmp_path: Path) -> None:
+    folder = material(tmp_path, roughness=None, wood_arm_1k=(10, 102, 255))
+    maps = maps_of(folder)
+    assert maps["roughness"].mean().item() == pytest.approx(0.16) and maps["diffuse"].max() == 0
+    own = maps_of(material(tmp_path, roughness=255))
+    assert own["roughness"].min() == 1 and own["diffuse"].max() == 0, "a map of its own goes first"
+
+
+def test_the_smoothest_surface_is_a_thousandth(tmp_path: Path) -> None:
+    assert maps_of(material(tmp_path, roughness=0))["roughness"].max().item() == pytest.approx(1e-3)
+
+
+def test_sixteen_bits_and_floats(tmp_path: Path) -> None:
+    paint(tmp_path / "color.png", (32896,) * 3, dtype=np.uint16)
+    paint(tmp_path / "rough.png", 32768, dtype=np.uint16)
+    assert maps_of(tmp_path)["diffuse"].mean().item() == pytest.approx(LINEAR, abs=1e-5)
+    assert maps_of(tmp_path, colour="linear")["diffuse"].mean().item() == pytest.approx(32896 / 65535, abs=1e-5)
+    assert maps_of(tmp_path, roughness="alpha")["roughness"].mean().item() == pytest.approx(32768 / 65535, abs=1e-6)
+    (tmp_path / "color.png").unlink()
+    paint(tmp_path / "color.exr", (0.25, 0.5, 0.75), dtype=np.float32)
+    for colour in ("srgb", "linear"):
+        assert maps_of(tmp_path, colour=colour)["diffuse"][:, 0, 0].tolist() == [0.25, 0.5, 0.75], "floats are linear"
+
+
+def test_alpha_is_dropped_and_jpegs_are_read(tmp_path: Path) -> None:
+    paint(tmp_path / "color.png", (GREY, GREY, GREY, 7))
+    paint(tmp_path / "roughness.jpg", (GREY,) * 3)
+    maps = maps_of(tmp_path)
+    assert maps["diffuse"].mean().item() == pytest.approx(LINEAR, abs=1e-6)
+    assert maps["roughness"].mean().item() == pytest.approx((GREY / 255) ** 2, abs=5e-3)
+
+
+# -------------------------------------------------------------------------------------------------------------- normals
+
+
+@pytest.mark.parametrize(
+    "name, normal, up",
+    [
+        ("wood_NormalGL", "auto", 1),
+        ("wood_NormalDX", "auto", -1),
+        ("wood_nor_gl_1k", "auto", 1),
+        ("wood_nor_dx_1k", "auto", -1),
+        ("normal", "auto", 1),
+        ("normal", "gl", 1),
+        ("normal", "dx", -1),
+        ("wood_NormalDX", "gl", 1),
+    ],
+)
+def test_green_up_or_down(tmp_path: Path, name: str, normal: str, up: int) -> None:
+    n = maps_of(material(tmp_path, **{name: UPWARD}), normal=normal)["normal"]
+    expected = torch.tensor([1, 201, 157]) / 255  # 2 v - 1
+    expected = expected / expected.norm() * torch.tensor([1, up, 1])
+    assert torch.allclose(n[:, 0, 0], expected, atol=1e-6)
+
+
+def test_of_a_pair_opengl_is_taken_by_default(tmp_path: Path) -> None:
+    material(tmp_path, a_NormalGL=UPWARD, a_NormalDX=(228, 128, 206))
+    assert maps_of(tmp_path)["normal"][1].min() > 0.5
+    assert maps_of(tmp_path, normal="dx")["normal"][0].min() > 0.5
+
+
+def test_normals_that_point_inward_are_turned_outward_where_few(tmp_path: Path) -> None:
+    pixels = np.broadcast_to(np.array(FLAT, np.uint8), (SIZE, SIZE, 3)).copy()
+    pixels[0, 0] = (128, 204, 50)  # y = 0.6, z < 0
+    n = maps_of(material(tmp_path, normal=pixels))["normal"][:, 0, 0]
+    assert n[1:].tolist() == pytest.approx([0.6, 0.8], abs=1e-3)
+
+
+def test_height_gives_the_normal_where_there_is_none(tmp_path: Path) -> None:
+    ramp = np.tile(np.r_[0:100:10, 100:0:-10].astype(np.uint8), (20, 1))  # rises to the right, then falls; repeats
+    for name in ("color", "roughness"):
+        paint(tmp_path / f"{name}.png", GREY, (20, 20))
+    paint(tmp_path / "disp.png", ramp)
+    n = maps_of(tmp_path)["normal"]
+    assert (n[0, :, 1:9] < 0).all() and (n[0, :, 11:19] > 0).all() and n[1].abs().max() < 1e-6
+    slope = (n[:2] / n[2:]).square().sum(0).mean().sqrt()
+    assert slope.item() == pytest.approx(0.25, rel=1e-5)
+    paint(tmp_path / "normal.png", FLAT, (20, 20))
+    assert maps_of(tmp_path)["normal"][2].min() > 0.999, "a normal map goes first"
+
+
+def test_a_height_that_rises_up_the_picture_leans_down_it() -> None:
+    h = torch.sin(torch.arange(16.0) * 2 * torch.pi / 16)[:, None].expand(16, 4)
+    n = normals_from_height(h)
+    assert n[1, 0].min() > 0, "here h grows with the row, which is down the picture: the normal leans up"
+    assert n[0].abs().max() == 0
+    assert normals_from_height(torch.ones(4, 4))[2].min() == 1
+
+
+# ----------------------------------------------------------------------------------------------------------------- size
+
+
+def test_averages_are_taken_of_linear_values(tmp_path: Path) -> None:
+    board = np.indices((SIZE, SIZE)).sum(0) % 2 * np.uint8(255)
+    maps = maps_of(material(tmp_path, color=board.astype(np.uint8), roughness=board.astype(np.uint8)), size=4)
+    assert torch.allclose(maps["diffuse"], torch.tensor(0.5)), "not the linear value of the mean sRGB"
+    assert torch.allclose(maps["roughness"], torch.tensor(0.5005)), "the mean of m"
+
+
+def test_normals_are_averaged_and_renormalised(tmp_path: Path) -> None:
+    pixels = np.zeros((SIZE, SIZE, 3), np.uint8)
+    pixels[:, ::2], pixels[:, 1::2] = (204, 128, 230), (51, 128, 230)
+    n = maps_of(material(tmp_path, normal=pixels), size=4)["normal"]
+    assert torch.allclose(n[:, 1, 1], torch.tensor([0.0, 0.0, 1.0]), atol=5e-3)
+    assert (n.norm(dim=0) - 1).abs().max() < 1e-6
+
+
+@pytest.mark.parametrize("size", [4, 5, 8, 16])
+def test_the_centred_square_is_taken(tmp_path: Path, size: int) -> None:
+    """Of a wide picture, black with a white square in its middle, only the white remains."""
+    pixels = np.zeros((SIZE, 2 * SIZE), np.uint8)
+    pixels[:, SIZE // 2 : 3 * SIZE // 2] = 255
+    paint(tmp_path / "color.png", pixels)
+    paint(tmp_path / "roughness.png", pixels)
+    x = read_material(tmp_path, size)
+    assert x.shape == (8, size, size) and (x[:3] - 1).abs().max() < 1e-5
+    assert read_material(tmp_path).shape == (8, SIZE, 2 * SIZE)
+
+
+# --------------------------------------------------------------------------------------------------------------- faults
+
+
+def noisy(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (SIZE, SIZE, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    "others, options, reason",
+    [
+        ({"color": None, "roughness": None}, {}, "holds no texture maps.*albedo.*roughness"),
+        ({"color": None}, {}, "no colour map.*albedo"),
+        ({"roughness": None}, {}, "no roughness map.*glossiness"),
+        ({"albedo": GREY}, {}, r"albedo\.png and color\.png could both be the colour map"),
+        ({"normal": FLAT, "nor_gl": FLAT}, {}, r"nor_gl\.png and normal\.png could both be the normal map"),
+        ({"normal": (0, 0, 0)}, {}, r"normal\.png: is no normal map \(100 %"),
+        ({"normal": (128, 128, 128)}, {}, r"normal\.png: is no normal map.*length is 0\.01"),
+        ({"normal": 128}, {}, r"normal\.png: is a grey picture"),
+        ({"roughness": noisy()}, {}, r"roughness\.png: is coloured.*arm"),
+        ({"roughness": None, "arm": 128}, {}, r"arm\.png: is a grey picture"),
+        ({"metallic": np.zeros((4, 4), np.uint8)}, {}, "metallic is 4 × 4 pixels but colour is 8 × 8"),
+        ({}, {"colour": "linear"}, r"color\.png: 8 bits hold sRGB values"),
+        ({}, {"colour": "adobe"}, "colour is one of srgb, linear, not 'adobe'"),
+        ({}, {"roughness": "m"}, "roughness is one of perceptual, alpha"),
+        ({}, {"size": 2}, "size of 2"),
+    ],
+)
+def test_faults_are_one_line_that_says_the_mend(
+    tmp_path: Path, others: dict[str, Any], options: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(UserError, match=reason) as error:
+        read_material(material(tmp_path, **others), **options)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "name, value, reason",
+    [
+        ("color", (0.5, np.nan, 0.5), r"color\.exr: has values that are NaN"),
+        ("color", (0.5, 2.0, 0.5), r"color\.exr: values run from 0\.5 to 2; scale"),
+        ("roughness", -0.5, r"roughness\.exr: values run from -0\.5"),
+        ("normal", (-0.3, 0.3, 0.9), r"normal\.exr: values run from -0\.3.*normals as ½ \+ ½ n"),
+    ],
+)
+def test_floats_out_of_range_name_their_file(tmp_path: Path, name: str, value: Any, reason: str) -> None:
+    material(tmp_path, **({name: None} if name != "normal" else {}))
+    paint(tmp_path / f"{name}.exr", value, dtype=np.float32)
+    with pytest.raises(UserError, match=reason):
+        read_material(tmp_path)
+
+
+def test_missing_folders_and_damaged_files_are_named(tmp_path: Path) -> None:
+    for read in (read_material, lambda path: Collection.materials(path, 8)):
+        with pytest.raises(UserError, match="nowhere: there is no such folder"):
+            read(tmp_path / "nowhere")
+    path = paint(material(tmp_path) / "normal.png", noisy())
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(UserError, match=r"normal\.png"):
+        read_material(tmp_path)
+
+
+# ---------------------------------------------------------------------------------------------------------- collections
+
+
+def test_a_folder_of_materials_at_any_depth(tmp_path: Path) -> None:
+    material(tmp_path / "wood" / "oak" / "textures")
+    material(tmp_path / "metal" / "iron", metallic=255)
+    material(tmp_path / ".cache" / "old")
+    paint(tmp_path / "wood" / "oak" / "preview.png", noisy())
+    found = Collection.materials(tmp_path, 4)
+    x = found.items
+    assert found.names == ("metal/iron", "wood/oak/textures") and x.shape == (2, 8, 4, 4)
+    assert x[0, :3].max() == 0 and x[1, :3].min() > 0
+    assert Collection.materials(tmp_path / "metal" / "iron", 4).names == ("iron",)
+
+
+def test_a_bad_material_is_named_and_skipped_unless_strict(tmp_path: Path) -> None:
+    material(tmp_path / "good")
+    material(tmp_path / "bad", roughness=None)
+    paint(tmp_path / "worse" / "IMG_2041.png", 3)
+    with pytest.warns(UserWarning, match="2 of 3 skipped, the first: .*bad: has no roughness"):
+        found = Collection.materials(tmp_path, 4).warn_skipped()
+    assert found.names == ("good",)
+    assert [name for name, _ in found.skipped] == ["bad", "worse"]
+    with pytest.raises(UserError, match="bad: has no roughness"):
+        Collection.materials(tmp_path, 4, strict=True)
+    material(tmp_path / "good", roughness=noisy())
+    with pytest.raises(UserError, match="none of the 3 materials"):
+        Collection.materials(tmp_path, 4)
+
+
+def test_materials_stay_as_stored_if_they_are_of_one_size(tmp_path: Path) -> None:
+    material(tmp_path / "a")
+    assert Collection.materials(tmp_path).items.shape == (1, 8, SIZE, SIZE)
+    for name in ("color", "roughness"):
+        paint(tmp_path / "b" / f"{name}.png", GREY, (SIZE, 2 * SIZE))
+    with pytest.raises(UserError, match="a is 8 × 8 pixels and b 16 × 8; give a size"):
+        Collection.materials(tmp_path)
+
+
+def arrays(count: int | None = 2) -> dict[str, np.ndarray]:
+    """Maps as `unproject sample` writes them."""
+    lead = () if count is None else (count,)
+    made = {"diffuse": (3, 0.3), "specular": (1, 0.04), "roughness": (1, 0.2), "normal": (3, 0.0)}
+    maps = {name: np.full((*lead, channels, SIZE, SIZE), value, np.float32) for name, (channels, value) in made.items()}
+    maps["normal"][..., 2, :, :] = 1
+    return maps
+
+
+@pytest.mark.parametrize("count", [2, None])
+def test_an_archive_of_maps_is_taken_as_it_is(tmp_path: Path, count: int | None) -> None:
+    np.savez(tmp_path / "a.npz", **arrays(count))  # pyright: ignore[reportArgumentType]
+    found = Collection.materials(tmp_path / "a.npz", 4)
+    x = found.items
+    assert x.shape == (count or 1, 8, 4, 4) and found.names == ("00000", "00001")[: count or 1]
+    assert x[0, :, 0, 0].tolist() == pytest.approx([0.3] * 3 + [0.04, 0.2, 0, 0, 1])
+
+
+@pytest.mark.parametrize(
+    "changed, reason",
+    [
+        ({"diffuse": np.full((2, 3, 8, 8), 99, np.uint8)}, "diffuse holds uint8 values, which would be read as linear"),
+        ({"specular": None}, r"a\.npz: maps: specular missing"),
+        ({"roughness": np.zeros((2, 1, 8, 8), np.float32)}, "roughness is 0"),
+        ({"diffuse": np.ones((0, 3, 8, 8), np.float32)}, r"diffuse is of shape \(0, 3, 8, 8\)"),
+        ({"roughness": np.ones((8, 8), np.float32)}, r"roughness is of shape \(8, 8\)"),
+        ({"specular": np.ones((2, 3, 8, 8), np.float32)}, r"'specular': give \(N, 1, H, W\)"),
+        ({"normal": np.zeros((2, 3, 8, 8), np.float32)}, "unit length"),
+        ({"names": np.array(["one"])}, r"names \(1,\) for 2 materials"),
+    ],
+)
+def test_bad_archives_say_why(tmp_path: Path, changed: dict[str, Any], reason: str) -> None:
+    held = {name: value for name, value in {**arrays(), **changed}.items() if value is not None}
+    np.savez(tmp_path / "a.npz", **held)
+    with pytest.raises(UserError, match=reason):
+        Collection.materials(tmp_path / "a.npz", 4)
+
+
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured materials are not beside this checkout")
+def test_a_measured_wood_and_a_metal() -> None:
+    wood, metal = read_material(MEASURED / "wood" / "Wood027", 16), read_material(MEASURED / "metal" / "Metal032", 16)
+    assert wood[3].max() < 0.0401 < 0.2 < metal[3].min(), "wood is no metal"
+    assert wood[0].mean() > wood[2].mean() and metal[:3].max() < 0.05

@@ -1,0 +1,56 @@
+"""The table of faults that tools/mutants.py plants: each can still be planted, and its tests are there."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def load_table() -> ModuleType:
+    """tools/mutants_table.py as a module; dataclasses want it among the loaded ones."""
+    name = "mutants_table"
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+TABLE = load_table()
+EACH = pytest.mark.parametrize("mutant", TABLE.MUTANTS, ids=lambda mutant: mutant.name)
+
+
+def test_there_are_sixty_at_least_of_different_names() -> None:
+    names = [mutant.name for mutant in TABLE.MUTANTS]
+    assert len(set(names)) == len(names) >= 60
+
+
+@EACH
+def test_the_old_text_occurs_once_and_the_mutated_file_still_compiles(mutant) -> None:  # noqa: ANN001
+    for file, text in TABLE.mutated(mutant, ROOT / TABLE.PACKAGE).items():
+        assert text != file.read_text(encoding="utf-8")
+        if file.suffix == ".py":
+            compile(text, str(file), "exec")
+
+
+@EACH
+def test_the_named_tests_exist(mutant) -> None:  # noqa: ANN001
+    assert mutant.tests
+    for test in mutant.tests:
+        file, _, function = test.partition("::")
+        tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+        assert not function or function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, test
+
+
+@pytest.mark.parametrize("old, new, count", [("y", "x", 0), ("x", "y", 2), ("1", "1", 1)])
+def test_a_fault_that_cannot_be_planted_is_an_error(tmp_path: Path, old: str, new: str, count: int) -> None:
+    (tmp_path / "module.py").write_text("x = x + 1", encoding="utf-8")
+    with pytest.raises(ValueError, match=f"occurs {count} times"):
+        TABLE.mutated(TABLE.mutant("broken", "module.py", old, new), tmp_path)

@@ -1,0 +1,55 @@
+"""Pictures in floating point and 16 bits come back as they were, and damaged ones are one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from unproject._pictures import read_stored, write_picture
+from unproject._types import UserError
+
+PIXELS = np.random.default_rng(0).random((33, 20, 3)).astype(np.float32)
+KINDS = [("png", "uint8", 1 / 500), ("png", "uint16", 1 / 130000), ("exr", "half", 3e-4), ("exr", "float", 0)]
+
+
+@pytest.mark.parametrize("suffix, depth, tolerance", [*KINDS, ("hdr", "float", 4e-3)])
+def test_what_is_written_is_read(tmp_path: Path, suffix: str, depth: str, tolerance: float) -> None:
+    path = tmp_path / f"a.{suffix}"
+    write_picture(path, PIXELS, depth)  # pyright: ignore[reportArgumentType]
+    pixels, stored = read_stored(path)
+    assert stored == depth
+    assert np.abs(pixels - PIXELS).max() <= tolerance
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_one_channel(tmp_path: Path) -> None:
+    write_picture(tmp_path / "a.png", PIXELS[..., 0], "uint16")
+    assert read_stored(tmp_path / "a.png").pixels.shape == (33, 20, 1)
+
+
+@pytest.mark.parametrize("suffix, depth", [("png", "uint8"), ("exr", "float"), ("hdr", "float")])
+def test_half_a_file_is_refused(tmp_path: Path, suffix: str, depth: str, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"a.{suffix}"
+    write_picture(path, PIXELS, depth)  # pyright: ignore[reportArgumentType]
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(UserError, match="a\\."):
+        read_stored(path)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("content", [b"", b"text", b"#?RADIANCE\n", b"\x76\x2f\x31\x01" + b"0" * 99])
+@pytest.mark.parametrize("suffix", ["png", "exr", "hdr"])
+def test_what_is_no_picture_is_refused(tmp_path: Path, suffix: str, content: bytes) -> None:
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match="a\\."):
+        read_stored(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such file"):
+        read_stored(tmp_path / "a.exr")
+    with pytest.raises(UserError, match="give a name"):
+        write_picture(tmp_path / "a.txt", PIXELS, "float")

@@ -1,0 +1,53 @@
+"""Checkpoint files: the newest two are kept, others' files and damaged ones are refused, what was read stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from unproject._types import UserError
+from unproject.training import checkpoint
+
+
+def save(folder: Path, *steps: int) -> Path:
+    """The last of these checkpoints, each holding its step."""
+    return [checkpoint.save(folder, step, {"a/step": torch.tensor([step]), "b": torch.ones(1)}) for step in steps][-1]
+
+
+def test_the_newest_two_steps_are_kept_whatever_the_order_of_their_dates(tmp_path: Path) -> None:
+    save(tmp_path, 10, 9, 200)
+    assert [path.name[5:14] for path in checkpoint.list_checkpoints(tmp_path)] == ["000000010", "000000200"]
+    assert checkpoint.load(checkpoint.newest(tmp_path))["a/step"].item() == 200
+
+
+def test_a_prefix_loads_a_part(tmp_path: Path) -> None:
+    assert set(checkpoint.load(save(tmp_path, 1), "a/")) == {"a/step"}
+
+
+def test_what_was_loaded_does_not_change_with_its_file(tmp_path: Path) -> None:
+    path = checkpoint.save(tmp_path, 1, {"a": torch.arange(100_000)})
+    loaded = checkpoint.load(path)["a"]
+    with path.open("r+b") as file:
+        file.seek(-400_000, 2)
+        file.write(bytes(400_000))
+    assert torch.equal(loaded, torch.arange(100_000))
+
+
+@pytest.mark.parametrize("metadata", [None, {"format": "pt"}, {"format": checkpoint.FORMAT + "0"}])
+def test_a_file_of_another_program_is_refused(tmp_path: Path, metadata: dict[str, str] | None) -> None:
+    path = tmp_path / "step-000000001.safetensors"
+    save_file({"a": torch.ones(1)}, path, metadata=metadata)
+    with pytest.raises(UserError, match="not a checkpoint of unproject"):
+        checkpoint.load(path)
+
+
+def test_a_damaged_file_is_refused_and_an_empty_folder_too(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no checkpoint yet"):
+        checkpoint.newest(tmp_path)
+    path = save(tmp_path, 1)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(UserError, match="damaged"):
+        checkpoint.load(path)

@@ -1,0 +1,78 @@
+"""Memory and seconds of a step, estimated before it is taken.
+
+Peak resident memory of nine steps less what was resident before, against the estimate, on one thread (2026-11-23):
+
+| recipe       | size | estimate / GB | measured / GB |
+|---|---|---|---|
+MEASURED
+"""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from toy import toy
+
+from unproject._types import UserError
+from unproject.recipes.digits import digits
+from unproject.recipes.shapes import shapes
+from unproject.training import estimate as module
+from unproject.training.estimate import MODULES, Peak, Trial, available_memory, estimate, require_memory, unchecked
+
+CPU = torch.device("cpu")
+
+
+def test_what_is_alive_at_once_is_counted() -> None:
+    with Peak() as peak:
+        a = torch.ones(1000)
+        b = a + 1
+        del a
+        c = b * 2
+        view = c.view(10, 100)
+        view.add_(1)
+    assert peak.most == 8000 and len(c) == 1000
+
+
+def test_more_than_the_limit_ends_a_trial() -> None:
+    trial = Trial(toy(views="known"), CPU, 10**5)
+    assert trial.measured(trial.step, 2)[0] < 10**6 and trial.full
+
+
+@pytest.mark.parametrize("views", ["predicted", "known", "learned", "single", "direct"])
+def test_memory_grows_with_the_batch(views: str) -> None:
+    recipe = toy(views=views, batch=64)  # pyright: ignore[reportArgumentType]
+    few, many = (estimate(recipe.replace(batch=batch), CPU) for batch in (256, 1024))
+    fixed = MODULES + 4 * Trial(recipe, CPU, None).weights
+    least = 1.05 if views == "predicted" else 1.5  # a view predictor projects as many images whatever the batch
+    assert least < (many.memory - fixed) / (few.memory - fixed) < 4.1
+
+
+def test_an_estimate_leaves_the_recipe_and_its_draws_alone() -> None:
+    torch.manual_seed(0)
+    before = torch.get_rng_state()
+    estimate(digits(size=16, steps=2), CPU)
+    assert torch.equal(torch.get_rng_state(), before)
+
+
+def test_available_memory_is_what_the_system_says() -> None:
+    there = available_memory(CPU)
+    assert there is None or 2**20 < there < 2**50
+
+
+def test_what_does_not_fit_is_refused_unless_forced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "available_memory", lambda device: 2**30)
+    require_memory(2**30, "a step", "lower --size")
+    with pytest.raises(UserError, match=r"a step takes about 2.0 GB and 1.0 GB are available; lower --size, or add"):
+        require_memory(2**31, "a step", "lower --size")
+    with unchecked():
+        require_memory(2**31, "a step", "lower --size")
+    monkeypatch.setattr(module, "available_memory", lambda device: None)
+    require_memory(2**60, "a step", "lower --size")
+
+
+def test_a_trial_of_what_is_far_too_large_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "available_memory", lambda device: 2**24)
+    monkeypatch.setattr("unproject.recipes.shapes.require_memory", lambda *_: None)
+    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 2)
+    recipe = shapes(size=64, views_per_shape=1, steps=2)
+    assert estimate(recipe, CPU).memory > 2**24
