@@ -162,7 +162,11 @@ def _annotated(p: inspect.Parameter, text: str) -> Any:
     positional = p.kind is p.POSITIONAL_ONLY
     # A flag named like a word of Python's, --for, is a parameter `for_`.
     name = p.name[:-1] if p.name.endswith("_") else None
-    argument = tyro.conf.arg(name=name, help=text or None, metavar=p.name.upper() if positional else None)
+    # tyro would add "(default: None)" to a help that says what None means.
+    hint = "" if p.default is None or p.default is False else None
+    named: dict[str, Any] = {} if hint is None else {"help_behavior_hint": hint}
+    shown = p.name.upper() if positional else None
+    argument = tyro.conf.arg(name=name, help=text or None, metavar=shown, **named)
     kind = Annotated[_without_none(p), argument]
     return tyro.conf.Positional[kind] if positional else kind
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +11,9 @@ from typing import TYPE_CHECKING
 
 from .._types import UserError
 from ._machine import use_threads
+
+LONG = 40
+"""Characters above which a part of several protocols becomes a footnote."""
 
 if TYPE_CHECKING:
     from ..metrics import Score
@@ -66,10 +70,14 @@ def run(
 
 
 def table(scores: Mapping[str, Score]) -> str:
-    """Return the scores, a line each, below what their protocols have in common, which is printed once."""
-    groups: dict[str, list[str]] = {}
+    """Return the scores and their protocols, a line each; long parts that several have in common are footnotes."""
+    parts = {name: score.protocol.split(", ") for name, score in scores.items()}
+    counts = Counter(part for own in parts.values() for part in own)
+    common = [part for part, count in counts.items() if count > 1 and len(part) > LONG]
+    marks = {part: f"[{k}]" for k, part in enumerate(common, 1)}
     width = max(map(len, scores), default=0)
-    for name, score in scores.items():
-        measure, _, setting = score.protocol.partition(", ")
-        groups.setdefault(setting, []).append(f"  {name:<{width}} {score.value:9.4f}   {measure}")
-    return "\n".join("\n".join([f"{setting or 'all'}:", *lines]) for setting, lines in groups.items())
+    lines = [
+        f"{name:<{width}} {score.value:9.4f}   {', '.join(marks.get(part, part) for part in parts[name])}"
+        for name, score in scores.items()
+    ]
+    return "\n".join([*lines, "", *(f"{mark} {part}" for part, mark in marks.items())])
