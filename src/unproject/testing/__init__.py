@@ -114,4 +114,4 @@ def run_laws(part: Any, seed: int = 0) -> list[LawResult]:
         return apply_laws(PRIOR_LAWS, PriorCase(part, seed))
     if isinstance(part, nn.Module):
         return apply_laws(GENERATOR_LAWS, generator_case(part, seed, 0.0, 1.0))
-    raise UserError(f"{part!r} is no Projection, Observation, Prior or generator module; give one of those")
+    raise UserError(f"{part!r} is no Projection, Observation, Prior or generator module; give one of these")
