@@ -1,5 +1,4 @@
 """A domain of your own: learn signals of 64 values from windows of 32 that start anywhere.
-
 unproject check examples/signals.py:Window
 unproject train examples/signals.py:signals --minutes 1 --out runs/signals
 """
