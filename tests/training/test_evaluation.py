@@ -51,6 +51,15 @@ def test_a_perfect_assignment_scores_perfectly(run: Run, monkeypatch: pytest.Mon
     assert run.evaluate(n=8, recipe=RECIPE)["view_exact"].value == pytest.approx(1.0)
 
 
+def test_an_assignment_at_random_scores_about_chance(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    true = true_views(only_panel(RECIPE))
+    assert true is not None
+    shuffled = true[torch.randperm(len(true), generator=torch.Generator().manual_seed(0))]
+    monkeypatch.setattr("unproject.assignment.predicted.PredictedState.estimates", lambda self: shuffled)
+    scores = run.evaluate(n=8, recipe=RECIPE)
+    assert abs(scores["view_exact"].value - scores["view_chance_exact"].value) < 0.2 < 1 - scores["view_exact"].value
+
+
 def test_without_a_reference_a_run_is_checked_by_itself(tmp_path: Path) -> None:
     """Samples by themselves, their projections against the training images, and nothing of views that are known."""
     recipe = toy(steps=1, views="known")
