@@ -170,3 +170,19 @@ def small_package(folder: Path, changed: dict[str, str] | None = None) -> Path:
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         (source / name).write_text(text, encoding="utf-8")
     return source
+
+
+CONCRETE = ("Known", "Predicted", "LearnedPrior", "Unassigned", "Volumes", "Images", "Maps")
+
+
+def named(path: Path) -> set[str]:
+    """The names that a module uses."""
+    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return {node.id for node in nodes if isinstance(node, ast.Name)}
+
+
+def test_training_knows_no_assignment_and_no_domain_by_name(tmp_path: Path) -> None:
+    found = {path.name: named(path) & set(CONCRETE) for path in (SOURCE / "training").glob("*.py")}
+    assert {name: names for name, names in found.items() if names} == {}
+    (tmp_path / "mutant.py").write_text("if isinstance(assignment, Predicted): pass", encoding="utf-8")
+    assert named(tmp_path / "mutant.py") & set(CONCRETE) == {"Predicted"}
