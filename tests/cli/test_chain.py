@@ -266,3 +266,18 @@ def test_train_says_at_its_end_that_samples_are_empty(
     monkeypatch.setattr("unproject.training.Run.sample", lambda self, n, seed=0: torch.full((n, 16, 16, 16), value))
     trained(tmp_path / "run", "shapes", *FLAGS["shapes"], *SMALL)
     assert capsys.readouterr().err.startswith("warning: all 6 samples are empty") == warned
+
+
+def test_what_is_no_recipe_function_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """Naming the observation of a file in place of its recipe."""
+    example = Path(__file__).parents[2] / "examples" / "depth.py"
+    assert main(["train", f"{example}:depth"]) == 2
+    assert "is no recipe but of type Observation: name a function" in capsys.readouterr().err
+
+
+def test_a_budget_that_is_spent_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = tmp_path / "run"
+    trained(run, "digits", *SMALL)
+    capsys.readouterr()
+    assert main(["resume", str(run), "--quiet"]) == 0
+    assert "its budget was spent already: give a larger --steps or --minutes" in capsys.readouterr().out

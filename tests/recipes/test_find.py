@@ -104,7 +104,7 @@ def test_an_argument_that_is_no_longer_there_is_named(volumes: Path) -> None:
 
 def test_a_run_without_a_recipe_function_is_not_rebuilt() -> None:
     for origin in (None, Origin("", "", {})):
-        with pytest.raises(UserError, match=r"built in Python; call unproject.resume\(path, recipe\)"):
+        with pytest.raises(UserError, match=r"built in Python; give it: unproject.resume\(path, recipe\)"):
             rebuild(origin)
 
 

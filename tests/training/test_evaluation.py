@@ -70,6 +70,15 @@ def test_without_a_reference_a_run_is_checked_by_itself(tmp_path: Path) -> None:
     assert not [name for name in scores if name.startswith("view")]
 
 
+def test_a_run_just_trained_knows_its_recipe(tmp_path: Path) -> None:
+    """Though nothing on disk says how to make it again."""
+    recipe = toy(steps=1, views="known").replace(seed=3)
+    run = train(recipe, tmp_path, quiet=True)
+    assert run.complete and "diversity" in run.evaluate(n=8)
+    with pytest.raises(UserError, match="built in Python"):
+        load(tmp_path).evaluate(n=8)
+
+
 def test_self_checks_of_good_and_of_bad_samples() -> None:
     domain, shapes = Volumes(), torch.zeros(12, SIZE, SIZE, SIZE)
     for k, shape in enumerate(shapes):

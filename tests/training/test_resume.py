@@ -263,7 +263,7 @@ def test_a_run_of_a_recipe_function_resumes_by_its_path_alone(whole: Path, tmp_p
 def test_a_recipe_that_was_changed_in_python_must_be_given(tmp_path: Path) -> None:
     recipe = with_panel(toy(steps=2), weight=2.0)
     train(recipe, tmp_path, quiet=True)
-    with pytest.raises(UserError, match=r"built in Python; call unproject.resume\(path, recipe\)"):
+    with pytest.raises(UserError, match=r"built in Python; give it: unproject.resume\(path, recipe\)"):
         resume(tmp_path, trust=True, steps=4)
     assert resume(tmp_path, recipe, steps=4, quiet=True).step == 4
 

@@ -107,8 +107,9 @@ def find_recipe(name: str) -> Callable[..., Any]:
 
         return recipes.find(name)
     found = find_object(name)
-    if not callable(found):
-        raise UserError(f"{name} is no recipe: name a function that returns an unproject.Recipe")
+    if not (inspect.isroutine(found) or inspect.isclass(found) or isinstance(found, partial)):
+        kind = type(found).__name__
+        raise UserError(f"{name} is no recipe but of type {kind}: name a function that returns an unproject.Recipe")
     return found
 
 

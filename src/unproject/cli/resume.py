@@ -33,5 +33,13 @@ def run(
     from ..training import resume
 
     use_threads(threads)
+    before = _steps(path)
     finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet)
-    say(f"{path}: {finished.step} steps")
+    spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""
+    say(f"{path}: {finished.step} steps{spent}")
+
+
+def _steps(path: Path) -> int:
+    """Return the step of the newest checkpoint, 0 if there is none."""
+    found = sorted((path / "checkpoints").glob("step-*.safetensors"))
+    return int(found[-1].stem.removeprefix("step-")) if found else 0

@@ -52,7 +52,8 @@ def run(
     warn_if_empty(finished.domain, finished.sample(finished.domain.previewed))
     words = ["export", str(out), "--to", "png", "--out", str(out / "samples.png")]
     command = shlex.join(words + (["--trust"] if is_foreign(out) else []))
-    say(f"{out}: {finished.step} steps; next: unproject {command}")
+    stopped = "" if finished.complete else f" (stopped; unproject resume {shlex.quote(str(out))} continues)"
+    say(f"{out}: {finished.step} steps{stopped}; next: unproject {command}")
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

@@ -79,7 +79,7 @@ def shapes(
         init_views: initialise predicted views by those of one mean shape, fitted to all silhouettes, instead of random
             ones. It helps for elongated shapes such as cars, whose views may otherwise never be found, and costs a few
             per cent for others such as chairs (docs/results.md).
-        mirror: make only shapes that are symmetric left to right; turn it off for asymmetric ones.
+        mirror: shapes are symmetric left to right; turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
     direct = views == "direct"

@@ -66,9 +66,13 @@ def picture_scores(domain: Domain, state: AssignmentState, x: Tensor, seed: int)
         return {}
     rows = torch.randperm(len(state.panel), generator=generator_at(seed, 0, "training images"))[:count]
     found = domain.projection_scores(projected(state, x, seed), state.panel.batch(rows), seed)
-    return {
-        name: replace(score, protocol=f"{score.protocol}, which are training images") for name, score in found.items()
-    }
+    return {name: replace(score, protocol=_of_training(score.protocol)) for name, score in found.items()}
+
+
+def _of_training(protocol: str) -> str:
+    """Say of a protocol that the references are training images."""
+    said = protocol.replace(" held-out", " training images")
+    return said if said != protocol else f"{protocol}, references are training images"
 
 
 def estimated_view_scores(

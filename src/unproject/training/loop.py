@@ -127,5 +127,6 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
             except Diverged as trouble:
                 roll_back(trainer, trouble)
                 going = True
+        complete = trainer.progress() >= 1
     distribution.close()
-    return Run(out, state.average, state.counters.step, state.domain)
+    return Run(out, state.average, state.counters.step, state.domain, complete, recipe)

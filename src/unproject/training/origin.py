@@ -95,7 +95,10 @@ def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recip
             is not given: importing it would run its code.
     """
     if origin is None or not origin.function:
-        raise UserError("this run's recipe was built in Python; call unproject.resume(path, recipe) there")
+        raise UserError(
+            "this run's recipe was built in Python; give it: unproject.resume(path, recipe) or "
+            "run.evaluate(recipe=recipe); or let @unproject.resumable remember the function that builds it"
+        )
     function = _trusted(origin, trust)
     changes = {name: value for name, value in changes.items() if value is not None}
     kept = {key: _restored(value) for key, value in origin.arguments.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,9 @@ class Run:
         generator: with averaged weights, in evaluation mode.
         step: steps done.
         domain: what the generator makes.
+        complete: whether the budget is spent; False if training was stopped before.
+        made: the recipe, if the run was trained in this process.
+        trusted: whether code outside this package may be imported for it.
 
     Examples:
         >>> import functools, unproject as up
@@ -59,6 +62,9 @@ class Run:
     generator: Generator
     step: int
     domain: Domain
+    complete: bool = True
+    made: Recipe | None = field(default=None, repr=False, compare=False)
+    trusted: bool = field(default=False, repr=False, compare=False)
 
     def sample(self, n: int, seed: int = 0) -> Tensor:
         """Return n samples (n, ...) on the CPU; the same seed gives the same ones."""
@@ -75,7 +81,7 @@ class Run:
         Raises:
             UserError: if no recipe function made it, or one outside unproject and `trust` is not given.
         """
-        return rebuild(read_origin(self.path), trust)
+        return self.made or rebuild(read_origin(self.path), trust or self.trusted)
 
     def evaluate(
         self,
@@ -162,7 +168,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     except RuntimeError as error:
         raise UserError(f"{newest}: the weights do not fit recipe.json; they belong to another run") from error
     step = int(newest.stem.removeprefix("step-"))
-    return Run(path, generator.eval().to(torch.device(device)), step, domain)
+    return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
 
 
 def is_foreign(path: Path) -> bool:
