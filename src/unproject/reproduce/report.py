@@ -33,7 +33,8 @@ HOW_TO_READ = (
 )
 HOW_MADE = (
     "`unproject reproduce` writes these results, and trains an arm again whose result is removed. Paths are shortened "
-    "to their last part. A commit that ends in -dirty had uncommitted changes."
+    "to their last part. Commands are spelled as they were run at their commit: CHANGELOG.md lists the flags "
+    "renamed since. A commit that ends in -dirty had uncommitted changes."
 )
 REAL_COLLECTIONS = (
     "Arms of real collections are trained where `--data` is given: a folder with any of these. An arm whose file is "
