@@ -54,6 +54,8 @@ _HOME = {
     "GradientPenalty": "unproject.adversarial.penalties",
     "Augmentation": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
+    "Connected": "unproject.adversarial.regularisers",
+    "Regularisers": "unproject.adversarial.regularisers",
     "Solid": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
     "Collection": "unproject.data",
@@ -122,6 +124,8 @@ if TYPE_CHECKING:
     from .adversarial.penalties import R1R2 as R1R2
     from .adversarial.penalties import GradientPenalty as GradientPenalty
     from .adversarial.penalties import Penalty as Penalty
+    from .adversarial.regularisers import Connected as Connected
+    from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid
     from .assignment import Assignment as Assignment
     from .assignment import AssignmentState as AssignmentState

@@ -7,7 +7,8 @@ import math
 import pytest
 import torch
 
-from unproject.adversarial.regularisers import Solid
+from unproject.adversarial.regularisers import Connected, Regularisers, Solid
+from unproject.ops.parts import number_parts
 
 
 def volumes(*fullness: float) -> torch.Tensor:
@@ -35,3 +36,62 @@ def test_filling_lowers_it_and_scaling_pulls_on_thin_and_full_volumes_alike() ->
     Solid(weight=1.0)(x, 0.0).backward()
     assert x.grad is not None and (x.grad < 0).all()
     torch.testing.assert_close((x.grad * x.detach()).sum((1, 2, 3)), torch.full((2,), -0.5).double(), rtol=1e-4, atol=0)
+
+
+# Connected
+
+
+def broken_table() -> torch.Tensor:
+    """A slab of 75 voxels, a leg of one voxel's width whose middle is missing, and a crumb far from both."""
+    x = torch.full((1, 12, 12, 12), 0.02)
+    x[:, 1:6, 8:11, 1:6] = 0.9
+    x[:, 3, 0:8, 3] = 0.9
+    x[:, 3, 4, 3] = 0.2
+    x[:, 10, 2, 10] = 0.9
+    return x
+
+
+def test_what_floats_is_pushed_down_gaps_up_and_the_rest_not_at_all() -> None:
+    x = broken_table().requires_grad_()
+    Connected(weight=3.0)(x, 0.0).backward()
+    assert x.grad is not None
+    push = x.grad * x.detach().sum() / 3
+    crumb, gap = torch.zeros_like(push), torch.zeros_like(push)
+    crumb[:, 9:12, 1:4, 9:12] = 1
+    gap[:, 2:5, 4, 2:5] = 1
+    assert torch.equal(push[:, 3, 5:8, 3], torch.zeros(1, 3)) and torch.equal(push[:, 3, 0:4, 3], torch.zeros(1, 4))
+    torch.testing.assert_close(push.clamp(min=0), crumb)
+    assert push[:, 3, 4, 3] == pytest.approx(-1) and (push[gap > 0] < 0).all()
+    assert (push[:, :, 7:] == 0).all()
+
+
+def test_descent_joins_a_broken_leg_and_removes_a_crumb() -> None:
+    logits = broken_table().logit().requires_grad_()
+    for _ in range(40):
+        x = logits.sigmoid()
+        (gradient,) = torch.autograd.grad(Connected()(x, 0.0), logits)
+        logits = (logits - 100 * gradient).detach().requires_grad_()
+    assert len(number_parts((x[0] > 0.5).detach().numpy())[1]) == 2
+    assert x[0, 3, 4, 3] > 0.5 > x[0, 10, 2, 10] and (x[0, 3, :8, 3] > 0.5).all()
+
+
+def test_connected_is_the_mean_share_of_what_is_misplaced() -> None:
+    x = torch.zeros(3, 8, 8, 8)
+    x[:, :4, :4, :4] = 1
+    x[0, 7, 7, 7] = 1
+    x[1, 6, 0, 0] = 0.6  # the gap of two layers is 3 x 3 voxels beside the block and 2 x 2 beside the voxel
+    assert Connected(weight=2.0)(x, 0.0).item() == pytest.approx(2 / 3 * (1 / 65 + (9 + 4) / 64.6), rel=1e-5)
+    assert Connected(weight=2.0, volumes=1)(x, 0.0).item() == pytest.approx(2 / 65, rel=1e-5)
+    assert Connected()(x[2:], 0.0).item() == 0
+
+
+def test_connected_is_finite_for_empty_volumes() -> None:
+    x = volumes(0.0).detach().requires_grad_()
+    Connected()(x, 0.0).backward()
+    assert x.grad is not None and (x.grad == 0).all()
+
+
+def test_several_are_summed_and_see_the_progress() -> None:
+    x = volumes(0.1, 0.8)
+    both = Regularisers((Solid(0.3, 0.0), lambda x, progress: x.mean() * progress))
+    assert both(x, 0.5).item() == pytest.approx((Solid(0.15, 0.15)(x, 0.0) + x.mean() / 2).item())

@@ -56,6 +56,26 @@ def test_empty_shapes_are_named_and_the_rest_written(samples, tmp_path, capsys):
     assert (tmp_path / "scene.glb").stat().st_size > 0
 
 
+@pytest.mark.parametrize("flags, kept", [([], [64, 64]), (["--no-largest-part"], [65, 64])])
+def test_parts_that_float_are_removed_unless_they_shall_stay(tmp_path, flags, kept):
+    v = np.zeros((2, 8, 8, 8), np.float32)
+    v[:, :4, :4, :4] = 1
+    v[0, 6, 6, 6] = 1
+    np.savez(tmp_path / "broken.npz", volume=v)
+    words = ["export", str(tmp_path / "broken.npz"), "--to", "npz", "--out", str(tmp_path / "out.npz")]
+    assert main([*words, *flags]) == 0
+    with np.load(tmp_path / "out.npz") as arrays:
+        assert next(iter(arrays.values())).sum((1, 2, 3)).tolist() == kept
+
+
+@pytest.mark.parametrize("shape", [(2, 1, 8, 8), (8, 8), (1, 2, 8, 8, 8)])
+def test_arrays_that_are_no_volumes_are_one_line_and_status_2(tmp_path, capsys, shape):
+    np.savez(tmp_path / "x.npz", volume=np.ones(shape, np.float32))
+    assert main(["export", str(tmp_path / "x.npz"), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("unproject: ") and error.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     "flags", [["--to", "stl"], ["--to", "vox", "--faces", "9"], ["--n", "0"], ["--faces", "1"], ["--to", "vox"]]
 )

@@ -13,7 +13,7 @@ import torch
 from unproject._types import UserError
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty
-from unproject.adversarial.regularisers import Solid
+from unproject.adversarial.regularisers import Connected, Regularisers, Solid
 from unproject.assignment import (
     Known,
     LearnedPrior,
@@ -98,6 +98,13 @@ def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any
     made = shapes(data=volumes, views=views, solid=0.3, **SMALL)
     assert made.regulariser == (Solid(0.3, 0.03) if solid else None)
     assert shapes(data=volumes, views=views, solid=0.0, **SMALL).regulariser is None
+
+
+def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:
+    both = Regularisers((Solid(0.1, 0.01), Connected(0.5)))
+    assert shapes(data=volumes, connected=0.5, **SMALL).regulariser == both
+    assert shapes(data=volumes, connected=0.5, solid=0.0, **SMALL).regulariser == Connected(0.5)
+    assert shapes(data=volumes, connected=0.5, views="direct", **SMALL).regulariser == Connected(0.5)
 
 
 @pytest.mark.parametrize("views, heads", [("predicted", 16), ("single", 1), ("direct", 1)])

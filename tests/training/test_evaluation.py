@@ -11,7 +11,7 @@ from toy import BINS, CHAIRS, SIZE, only_panel, toy
 from unproject._types import UserError
 from unproject.assignment import AssignmentState, Panel
 from unproject.data import Collection, chairs
-from unproject.domains import Volumes
+from unproject.domains import Images, Volumes
 from unproject.training import Run, load, train
 from unproject.training.distribution import Distribution
 from unproject.training.evaluation import supervised_ceiling, true_views
@@ -91,11 +91,27 @@ def test_self_checks_of_good_and_of_bad_samples() -> None:
     assert abs(same["diversity"].value) < 1e-6 and domain.checks(shapes)["diversity"].value > 0.1
 
 
+def test_parts_that_float_are_removed_from_samples_if_asked(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = torch.zeros(2, SIZE, SIZE, SIZE)
+    broken[:, :6], broken[0, 9:12] = 1, 1
+    monkeypatch.setattr(type(run.generator), "sample", lambda self, n, seed=0: broken[:n])
+    assert torch.equal(run.sample(2), broken)
+    whole = run.sample(2, largest_part=True)
+    assert torch.equal(whole[1], broken[1]) and torch.equal(whole[0], broken[1])
+    assert run.domain.checks(whole)["in_one_piece"].value == 1.0
+
+
+def test_samples_without_parts_stay_as_they_are() -> None:
+    dots = (torch.rand(2, 1, 16, 16, generator=torch.Generator().manual_seed(0)) > 0.9).float()
+    assert torch.equal(Images().largest_part(dots), dots)
+
+
 def test_shapes_score_perfectly_against_themselves(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = chairs(12, SIZE, seed=3)
     monkeypatch.setattr(type(run.generator), "sample", lambda self, n, seed=0: shapes)
     scores = run.evaluate(Collection(shapes), n=12, recipe=RECIPE)
     assert scores["mmd_iou"].value == pytest.approx(0.0, abs=1e-6) and scores["cov_iou"].value == 1.0
+    assert scores["in_one_piece"].value == 1.0
 
 
 def test_a_reference_that_fits_nothing_is_refused(run: Run) -> None:
@@ -105,7 +121,7 @@ def test_a_reference_that_fits_nothing_is_refused(run: Run) -> None:
 
 def test_projections_are_scored_in_views_as_frequent_as_the_datas(run: Run) -> None:
     scores = run.evaluate(only_panel(RECIPE).collections[0], n=24, recipe=RECIPE)
-    assert "mmd_iou_silhouette" in scores
+    assert {"mmd_iou_silhouette", "in_one_piece"} <= scores.keys()
     (state,) = run.assignments(RECIPE)
     state.views.fill_(2)
     assert set(AssignmentState.draw_views(state, 50, torch.Generator()).tolist()) == {2}

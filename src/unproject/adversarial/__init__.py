@@ -3,16 +3,19 @@
 from .augmentation import Augmentation, Shift
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
-from .regularisers import Solid
+from .regularisers import Connected, Regulariser, Regularisers, Solid
 
 __all__ = [
     "R1R2",
     "Augmentation",
+    "Connected",
     "GradientPenalty",
     "Hinge",
     "Logistic",
     "Loss",
     "Penalty",
+    "Regulariser",
+    "Regularisers",
     "Relativistic",
     "Shift",
     "Solid",

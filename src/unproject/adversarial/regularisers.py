@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
+import torch
 from torch import Tensor
+
+from ..ops.parts import floating_parts
+
+Regulariser: TypeAlias = Callable[[Tensor, float], Tensor]
+"""(x, progress) → a term of the generator's loss."""
 
 
 @dataclass(frozen=True)
@@ -28,3 +36,55 @@ class Solid:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
         weight = self.weight + (self.final - self.weight) * min(progress, 1.0)
         return -weight * (x.flatten(1).mean(1) + 1e-6).log().mean()
+
+
+@dataclass(frozen=True)
+class Connected:
+    """w E[(Σ_F p + Σ_G (1 - p)) / Σ p]: prefer shapes in one piece.
+
+    F are the voxels of parts that float, G those of small gaps (`ops.floating_parts`): what floats far from the largest
+    part goes, and a part within two voxels of it, such as a broken leg, is joined to it rather than taken away. Other
+    voxels are not pushed; Σ p has no gradient here.
+
+    Args:
+        weight: w, all through training.
+        level: parts are connected sets of voxels above it.
+        volumes: the mean is taken of so many volumes of the batch, to save time; as codes are drawn independently, its
+            expectation is that of all.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.zeros(1, 8, 8, 8)
+        >>> x[:, :4, :4, :4], x[:, 7, 7, 7] = 1, 1  # a block of 64 voxels, and a crumb
+        >>> up.Connected()(x, progress=0.0)
+        tensor(0.0154)
+    """
+
+    weight: float = 1.0
+    level: float = 0.5
+    volumes: int = 6
+
+    def __call__(self, x: Tensor, progress: float) -> Tensor:
+        """Return the term of volumes x (B, X, Y, Z); `progress` does not matter."""
+        x = x[: self.volumes]
+        floating, gaps = floating_parts(x, self.level)
+        misplaced = x.where(floating, 0) + (1 - x).where(gaps, 0)
+        total = x.detach().flatten(1).sum(1) + 1e-6
+        return self.weight * (misplaced.flatten(1).sum(1) / total).mean()
+
+
+@dataclass(frozen=True)
+class Regularisers:
+    """The sum of several regularisers.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> up.Regularisers((up.Solid(), up.Connected()))(torch.full((2, 4, 4, 4), 0.5), progress=0.0)
+        tensor(0.0693)
+    """
+
+    terms: tuple[Regulariser, ...]
+
+    def __call__(self, x: Tensor, progress: float) -> Tensor:
+        """Return the sum of the terms."""
+        return torch.stack([term(x, progress) for term in self.terms]).sum()

@@ -34,7 +34,7 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
     masks = recipe.panels[0].collections[0].items
     out.mkdir(parents=True, exist_ok=True)
     export.silhouette_sheet(masks[:: max(len(masks) // 64, 1)][:64], out / "silhouettes.png")
-    chairs = train(recipe, out / "run").sample(16, seed=1)
+    chairs = train(recipe, out / "run").sample(16, seed=1, largest_part=True)
     export.contact_sheet(chairs[:8], path=out / "chairs.png")
     export.turntable(chairs, out / "turntable.gif")
     export.glb(chairs, out / "glb")

@@ -25,6 +25,7 @@ def run(
     seed: int = 0,
     faces: int | None = None,
     hull: bool = False,
+    largest_part: bool = True,
     depth: Literal["8", "16", "half", "float"] = "8",
     fresnel: Literal["eta", "albedo"] | None = None,
     eta: float = 1.5,
@@ -43,6 +44,7 @@ def run(
         seed: Which samples: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
         hull: Fill what no level view can see.
+        largest_part: Remove parts of shapes that float.
         depth: Bits of the maps' PNG, or half or float EXR.
         fresnel: What the specular map means: see `unproject render --help`.
         eta: The index of refraction, for --fresnel eta.
@@ -57,12 +59,13 @@ def run(
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options:
         options["fresnel"] = fresnel or found.fresnel
-    x = _hull(found.x) if hull else found.x
+    x = _hull(found.x) if hull else torch.as_tensor(found.x)
+    x = found.domain.largest_part(x) if largest_part else x
     with naming(out):
         written = found.domain.exporters[to](x, out, **options)
     _report(written)
     if to == "png":
-        warn_if_empty(found.domain, torch.as_tensor(x))
+        warn_if_empty(found.domain, x)
     for name, why in found.skipped:
         print(f"skipped {name}: {why}", file=sys.stderr)
     if found.skipped:

@@ -14,6 +14,7 @@ def run(
     n: int = 16,
     seed: int = 0,
     out: Path = Path("samples.npz"),
+    largest_part: bool = False,
     trust: bool = False,
 ) -> None:
     """Draw samples from a run into an .npz file, float32.
@@ -26,6 +27,7 @@ def run(
         n: how many.
         seed: which; the same seed gives the same samples.
         out: the file to write.
+        largest_part: remove parts of shapes that float.
         trust: import the generator's code although it is not of this package.
     """
     from ..training import load
@@ -36,7 +38,7 @@ def run(
     if out.suffix != ".npz":
         raise UserError(f"--out {out}: give a name that ends in .npz")
     opened = load(path, trust=trust)
-    x = opened.sample(n, seed)
+    x = opened.sample(n, seed, largest_part=largest_part)
     with naming(out):
         opened.domain.write_arrays(x, out)
     print(f"{out}: {n} samples ({opened.domain.name}) of {'x'.join(map(str, x.shape[1:]))}")

@@ -60,6 +60,10 @@ class Domain(ABC):
         """Whether there is nothing to be seen in any of these samples."""
         return False
 
+    def largest_part(self, x: Tensor) -> Tensor:
+        """Return samples without parts that float; those of a domain that has no parts as they are."""
+        return x
+
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         """Return samples as the arrays that `unproject sample` writes."""
         return {self.name: x.numpy()}

@@ -10,12 +10,12 @@ from typing import ClassVar
 import numpy as np
 import torch
 from PIL import Image
-from scipy import ndimage
 from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
 from ..metrics import Score, one_minus_iou, shape_scores, silhouette_scores
+from ..ops.parts import largest_part, number_parts
 from ..projections.observation import Observation
 from .domain import Domain, Exporter
 from .views import free_turns, view_bins
@@ -44,6 +44,9 @@ class Volumes(Domain):
 
     def is_empty(self, x: Tensor) -> bool:
         return not bool((x > 0.5).any())
+
+    def largest_part(self, x: Tensor) -> Tensor:
+        return largest_part(x.float())
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return shape_scores(x, reference, bins=turns, seed=seed)
@@ -83,6 +86,5 @@ class Volumes(Domain):
 
 def count_pieces(volume: np.ndarray) -> int:
     """Return how many parts, connected by corners, a volume (X, Y, Z) has at 0.5; crumbs do not count."""
-    labels, count = ndimage.label(volume > 0.5, np.ones((3, 3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
-    return int((sizes > CRUMB * sizes.max()).sum()) if count else 0
+    _, voxels = number_parts(volume > 0.5)
+    return int((voxels > CRUMB * voxels.max()).sum())

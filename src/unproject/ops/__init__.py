@@ -1,10 +1,11 @@
-"""Differentiable tensor operations: rotation, resampling, line integrals, occupancy along rays, visual hulls."""
+"""Differentiable tensor operations: rotation, resampling, line integrals, occupancy along rays, visual hulls, parts."""
 
 from __future__ import annotations
 
 from .hull import visual_hull
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
+from .parts import floating_parts, largest_part
 from .resampling import orthographic_rays, perspective_rays, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
 
@@ -14,6 +15,8 @@ __all__ = [
     "camera_frame",
     "capped_sum",
     "expected_depth",
+    "floating_parts",
+    "largest_part",
     "orthographic_rays",
     "perspective_rays",
     "quarter_turn",

@@ -12,6 +12,7 @@ from scipy import ndimage
 from skimage.measure import marching_cubes
 
 from unproject._types import UserError
+from unproject.ops.parts import number_parts
 
 # Closer to the level than this, marching cubes puts several vertices on one point and the mesh stops being a manifold.
 # Cutting half a clearance lower also breaks the ties of binary volumes: voxels that touch in an edge alone are joined.
@@ -65,14 +66,12 @@ def without_floaters(
     fewer than `min_fraction` of the voxels of the largest are set to zero, and all but the largest if `largest`.
     """
     v = np.asarray(volume)
-    parts, n = ndimage.label(v > level, structure=np.ones((3, 3, 3)))
-    if n < 2:
+    parts, voxels = number_parts(v > level)
+    if len(voxels) <= 2:
         return v
-    voxels = np.bincount(parts.ravel())
-    voxels[0] = 0
     dropped = voxels < min_fraction * voxels.max()
     if largest:
-        dropped = np.arange(n + 1) != voxels.argmax()
+        dropped = np.arange(len(voxels)) != voxels.argmax()
     dropped[0] = False
     return np.where(dropped[parts], 0, v)
 

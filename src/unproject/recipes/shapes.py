@@ -16,7 +16,7 @@ from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..adversarial.regularisers import Solid
+from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
 from ..assignment import MeanShapeInitialiser
 from ..data import Collection, chairs, observe, read, with_flips
 from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
@@ -47,6 +47,7 @@ def shapes(
     rate: float = 1.5e-3,
     gamma: float = 0.1,
     solid: float = 0.1,
+    connected: float = 0.0,
     rounds: int = 40,
     balance: float = 0.8,
     init_views: bool = False,
@@ -73,6 +74,7 @@ def shapes(
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
+        connected: weight of the preference for shapes in one piece.
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far the distribution of predicted views is moved to the uniform one, 0 to 1; lower it if most of
             your pictures were taken from one side.
@@ -97,7 +99,7 @@ def shapes(
         panels=[panel_of(views, observations, with_flips(collection) if flips else collection, predicted)],
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
-        regulariser=Solid(solid, solid / 10) if solid and not direct else None,
+        regulariser=regulariser_of(0.0 if direct else solid, connected),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=48,
@@ -179,6 +181,12 @@ def shapes_paper(
         steps=300_000,
         seed=seed,
     ).configured(options)
+
+
+def regulariser_of(solid: float, connected: float) -> Regulariser | None:
+    """Return the preferences whose weight is not zero."""
+    terms = (*([Solid(solid, solid / 10)] if solid else []), *([Connected(connected)] if connected else []))
+    return Regularisers(terms) if len(terms) > 1 else next(iter(terms), None)
 
 
 def silhouette_views(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:

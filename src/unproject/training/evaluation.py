@@ -28,21 +28,21 @@ def sample_scores(
     n: int,
     seed: int = 0,
 ) -> dict[str, Score]:
-    """Score n samples against references of the same shape, or their projections against projections.
+    """Score n samples by themselves, and against references or their projections against projections.
 
     Raises:
         UserError: if the references have the shape of neither.
     """
     x = generator.sample(n, seed)
     if reference.shape[1:] == x.shape[1:]:
-        return domain.scores(x, reference, seed, turns_of(domain, assignments))
+        return domain.scores(x, reference, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
     fitting = [state for state in assignments if state.panel.shape == tuple(reference.shape[1:])]
     if not fitting:
         shapes = ", ".join(str(tuple(shape)) for shape in (x.shape[1:], *(state.panel.shape for state in assignments)))
         raise UserError(
             f"the references are of shape {tuple(reference.shape[1:])}; give samples or projections, of shape {shapes}"
         )
-    return domain.projection_scores(projected(fitting[0], x, seed), reference, seed)
+    return domain.projection_scores(projected(fitting[0], x, seed), reference, seed) | domain.checks(x, seed)
 
 
 @torch.no_grad()

@@ -15,6 +15,7 @@ from .._types import UserError
 from ..adversarial.augmentation import Augmentation
 from ..adversarial.losses import Loss, Relativistic
 from ..adversarial.penalties import R1R2, Penalty
+from ..adversarial.regularisers import Regulariser
 from ..assignment import Panel
 from ..domains import Domain
 from ..networks import Discriminator, Generator
@@ -92,7 +93,7 @@ class Recipe:
         augmentation: of all images that discriminators see, real and generated; for small collections.
         generator_optimiser: Adam's settings for the generator.
         discriminator_optimiser: Adam's settings for the discriminators.
-        regulariser: (x, progress) → a term of the generator's loss.
+        regulariser: (x, progress) → a term of the generator's loss, such as `Solid()`; several as `Regularisers`.
         discriminator_steps: discriminator updates a generator update.
         batch: images an update.
         views_per_sample: projections of each generated sample in an update, which takes batch / views_per_sample
@@ -128,7 +129,7 @@ class Recipe:
     augmentation: Augmentation | None = None
     generator_optimiser: Adam = field(default_factory=Adam)
     discriminator_optimiser: Adam = field(default_factory=Adam)
-    regulariser: Callable[[Tensor, float], Tensor] | None = None
+    regulariser: Regulariser | None = None
     discriminator_steps: int = 1
     batch: int = 64
     views_per_sample: int = 1

@@ -66,9 +66,14 @@ class Run:
     made: Recipe | None = field(default=None, repr=False, compare=False)
     trusted: bool = field(default=False, repr=False, compare=False)
 
-    def sample(self, n: int, seed: int = 0) -> Tensor:
-        """Return n samples (n, ...) on the CPU; the same seed gives the same ones."""
-        return self.generator.sample(n, seed)
+    def sample(self, n: int, seed: int = 0, *, largest_part: bool = False) -> Tensor:
+        """Return n samples (n, ...) on the CPU; the same seed gives the same ones.
+
+        Args:
+            largest_part: remove parts of shapes that float (`ops.largest_part`); other samples stay as they are.
+        """
+        x = self.generator.sample(n, seed)
+        return self.domain.largest_part(x) if largest_part else x
 
     def stats(self) -> list[dict[str, Any]]:
         """Return the lines of the log: `step`, `seconds`, losses and events."""
@@ -96,8 +101,8 @@ class Run:
         """Score the run: its samples, their projections, and the views that it estimated.
 
         Args:
-            reference: held-out samples, or projections of such (default: none; then only self-checks are made: of
-                samples by themselves, against the training images, and of the views).
+            reference: held-out samples, or projections of such (default: none; then only samples by themselves, their
+                projections against the training images, and the views are checked).
             n: samples to score (default: the domain's number).
             seed: of the samples and of the measurement.
             ceiling: also train a view predictor on the known views, which takes a minute or two.

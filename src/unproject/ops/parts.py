@@ -1,0 +1,116 @@
+"""Parts of volumes: connected sets of voxels above a level; voxels that share a corner are connected (26 neighbours)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from scipy import ndimage
+from torch import Tensor
+
+from .._types import UserError
+
+_CORNERS = np.ones((3, 3, 3))
+
+
+def number_parts(occupied: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Number the parts of a mask (X, Y, Z) 1, 2, ...; return each voxel's number, 0 outside, and voxels by number."""
+    numbers, _ = ndimage.label(occupied, _CORNERS)  # pyright: ignore[reportGeneralTypeIssues]
+    voxels = np.bincount(numbers.ravel())
+    voxels[0] = 0
+    return numbers, voxels
+
+
+def largest_part(x: Tensor, level: float = 0.5) -> Tensor:
+    """Remove all parts but the largest, with the soft voxels around them.
+
+    A voxel is set to zero if it lies nearer to another part than to the largest, by the chessboard distance
+    max(|dx|, |dy|, |dz|). The soft voxels that adjoin the largest part stay, and with them its iso-surface; volumes in
+    one piece stay as they are. Of several largest parts the first is kept.
+
+    Args:
+        x: (..., X, Y, Z).
+        level: parts are connected sets of voxels above it.
+
+    Raises:
+        UserError: for less than three axes.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.zeros(1, 8, 8, 8)
+        >>> x[:, :4, :4, :4], x[:, 6, 6, 6] = 1, 1  # a block of 64 voxels, and a crumb
+        >>> up.ops.largest_part(x).sum()
+        tensor(64.)
+    """
+    if x.dim() < 3:
+        raise UserError(f"an array of shape {tuple(x.shape)} holds no volumes: give (N, X, Y, Z)")
+    keep = torch.ones(x.shape, dtype=torch.bool, device=x.device)
+    for kept, occupied in zip(_each(keep), _each((x > level).cpu()), strict=True):
+        numbers, voxels = number_parts(occupied.numpy())
+        if len(voxels) > 2:
+            other = (numbers > 0) & (numbers != voxels.argmax())
+            kept.copy_(torch.from_numpy(_distance((numbers > 0) & ~other) <= _distance(other)))
+    return x.where(keep, 0)
+
+
+def _each(x: Tensor) -> Tensor:
+    """Return (..., X, Y, Z) as (N, X, Y, Z), a view if x is contiguous."""
+    return x.reshape(-1, *x.shape[-3:])
+
+
+def _distance(mask: np.ndarray) -> np.ndarray:
+    """Return the chessboard distance of each voxel to a mask that is not empty."""
+    found: np.ndarray = ndimage.distance_transform_cdt(~mask, "chessboard")  # pyright: ignore[reportAssignmentType]
+    return found
+
+
+def floating_parts(x: Tensor, level: float = 0.5) -> tuple[Tensor, Tensor]:
+    """Find the parts that float, and the gaps between the largest part and those near it.
+
+    A part floats if gaps of more than two voxels separate it from the largest part, in one step or from part to part.
+    Its voxels are found with those that adjoin it, whatever their value. A gap is the voxels in between of the largest part and another at most
+    two voxels away: those whose chessboard distances to both sum to 3 at most.
+
+    Args:
+        x: (B, X, Y, Z).
+        level: parts are connected sets of voxels above it.
+
+    Returns:
+        Floating parts, and gaps, both (B, X, Y, Z) and bool.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.zeros(1, 10, 1, 1)
+        >>> x[:, [0, 1, 3, 9]] = 1  # two voxels, one behind a gap, and one that floats
+        >>> floating, gaps = up.ops.floating_parts(x)
+        >>> floating.flatten().nonzero().flatten().tolist(), gaps.flatten().nonzero().flatten().tolist()
+        ([8, 9], [2])
+    """
+    found = torch.zeros(2, *x.shape, dtype=torch.bool)
+    for i, occupied in enumerate((x.detach() > level).cpu().numpy()):
+        numbers, voxels = number_parts(occupied)
+        if len(voxels) > 2:
+            largest = numbers == voxels.argmax()
+            found[0, i] = torch.from_numpy(_far(occupied, largest))
+            found[1, i] = torch.from_numpy(_between(largest, occupied & ~largest))
+    floating, gaps = found.to(x.device)
+    return floating, gaps
+
+
+def _far(occupied: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """Find the parts, each grown by a voxel, that are then not connected to the largest."""
+    numbers, _ = number_parts(_grown(occupied))
+    return (numbers > 0) & (numbers != numbers[largest][0])
+
+
+def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Find the voxels outside two masks whose distances to them sum to 3 at most."""
+    near_a, near_b = _grown(a), _grown(b)
+    return ((near_a & _grown(near_b)) | (_grown(near_a) & near_b)) & ~a & ~b
+
+
+def _grown(mask: np.ndarray) -> np.ndarray:
+    """Add the 26 neighbours of each voxel of a mask."""
+    grown = np.pad(mask, 1)
+    for axis in range(3):
+        grown = grown | np.roll(grown, 1, axis) | np.roll(grown, -1, axis)
+    return grown[1:-1, 1:-1, 1:-1]

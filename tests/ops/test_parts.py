@@ -1,0 +1,187 @@
+"""Parts of volumes against a plain reference, and what must stay: thin legs, soft rims, the surface."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from unproject._types import UserError
+from unproject.ops import floating_parts, largest_part
+from unproject.ops.isosurface import isosurface
+from unproject.ops.parts import number_parts
+
+Voxel = tuple[int, ...]
+
+
+def drawn(seed: int, shape: tuple[int, ...], fullness: float) -> Tensor:
+    """Noise of which a share is above one half."""
+    noise = torch.rand(3, *shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    return (noise * 0.5 / (1 - fullness)).clamp(max=1)
+
+
+volumes = st.builds(
+    drawn, st.integers(0, 10_000), st.tuples(*[st.integers(1, 7)] * 3), st.sampled_from([0.02, 0.05, 0.1, 0.4])
+)
+
+
+# The reference
+
+
+def distance(a: Voxel, others: set[Voxel]) -> int:
+    """The chessboard distance of a voxel to a set of them."""
+    return min(max(abs(i - j) for i, j in zip(a, b, strict=True)) for b in others)
+
+
+def groups(voxels: list[Voxel], reach: int) -> list[set[Voxel]]:
+    """Sets of voxels linked by steps of at most `reach`, in the order of their first voxels."""
+    left, found = list(voxels), list[set[Voxel]]()
+    while left:
+        group, edge = set[Voxel](), [left[0]]
+        while edge:
+            group |= set(edge)
+            left = [v for v in left if v not in group]
+            edge = [v for v in left if distance(v, set(edge)) <= reach]
+        found.append(group)
+    return found
+
+
+def above(x: Tensor) -> list[Voxel]:
+    return [tuple(v) for v in (x > 0.5).nonzero().tolist()]
+
+
+def parts_of(x: Tensor) -> tuple[set[Voxel], set[Voxel]]:
+    """The largest part, and all the others."""
+    parts = groups(above(x), 1)
+    largest = max(parts, key=len)
+    return largest, set(above(x)) - largest
+
+
+def everywhere(x: Tensor) -> list[Voxel]:
+    return list(product(*map(range, x.shape)))
+
+
+@settings(deadline=None, max_examples=40)
+@given(volumes)
+def test_the_largest_part_is_the_references(x: Tensor) -> None:
+    for volume, found in zip(x, largest_part(x), strict=True):
+        wanted = volume.clone()
+        if len(groups(above(volume), 1)) > 1:
+            largest, others = parts_of(volume)
+            for v in everywhere(volume):
+                wanted[v] *= distance(v, largest) <= distance(v, others)
+        assert torch.equal(found, wanted)
+
+
+@settings(deadline=None, max_examples=40)
+@given(volumes)
+def test_floating_parts_and_gaps_are_the_references(x: Tensor) -> None:
+    for volume, floating, gaps in zip(x, *floating_parts(x), strict=True):
+        if len(groups(above(volume), 1)) < 2:
+            assert not floating.any() and not gaps.any()
+            continue
+        largest, others = parts_of(volume)
+        far = set().union(*(group for group in groups(above(volume), 3) if not group & largest))
+        for v in everywhere(volume):
+            inside = v in largest | others
+            assert floating[v] == (bool(far) and distance(v, far) <= 1)
+            assert gaps[v] == (not inside and distance(v, largest) + distance(v, others) <= 3)
+
+
+# Laws
+
+
+@settings(deadline=None, max_examples=25)
+@given(volumes)
+def test_once_is_enough_each_volume_alone_and_nothing_is_added(x: Tensor) -> None:
+    found = largest_part(x)
+    assert torch.equal(largest_part(found), found)
+    assert torch.equal(torch.cat([largest_part(volume[None]) for volume in x]), found)
+    assert torch.equal(largest_part(x[None])[0], found) and torch.equal(largest_part(x[0]), found[0])
+    assert ((found == x) | (found == 0)).all()
+    assert all(len(number_parts((volume > 0.5).numpy())[1]) <= 2 for volume in found)
+
+
+@settings(deadline=None, max_examples=25)
+@given(volumes)
+def test_the_gradient_passes_through_what_stays(x: Tensor) -> None:
+    p = x.clone().requires_grad_()
+    largest_part(p).sum().backward()
+    assert p.grad is not None and torch.equal(p.grad * x, largest_part(x))
+
+
+# What stays
+
+
+def table() -> Tensor:
+    """A top with a soft rim of two voxels on one-voxel legs, one of them slanted; (1, 16, 16, 16)."""
+    x = torch.zeros(1, 16, 16, 16)
+    x[:, 1:15, 8:13, 1:15], x[:, 2:14, 9:12, 2:14], x[:, 3:13, 10, 3:13] = 0.1, 0.4, 1
+    x[:, 3, 0:10, 3] = 1
+    for k in range(10):
+        x[:, 3 + k, 9 - k, 12] = 1
+    return x
+
+
+def test_thin_legs_and_soft_rims_stay() -> None:
+    assert torch.equal(largest_part(table()), table())
+    assert not any(found.any() for found in floating_parts(table()))
+
+
+def test_a_crumb_goes_with_its_rim_and_nothing_else() -> None:
+    x = table()
+    x[:, 9:, 0:4, 0:4] = 0.2
+    x[:, 14, 1:3, 1] = 0.9
+    assert torch.equal(largest_part(x)[:, :, 6:], table()[:, :, 6:])
+    assert largest_part(x)[:, 9:, 0:4, 0:4].sum() == 0
+
+
+def test_the_surface_is_that_of_the_part() -> None:
+    rng = np.random.default_rng(0)
+    x = torch.from_numpy(rng.random((1, 12, 12, 12))) ** 2 * 0.8
+    found, wanted = isosurface(largest_part(x)[0].numpy()), isosurface(x[0].numpy(), largest=True)
+    assert len(number_parts((x[0] > 0.5).numpy())[1]) > 5 and len(wanted[0]) > 50
+    assert np.array_equal(found[0], wanted[0]) and np.array_equal(found[1], wanted[1])
+
+
+def test_what_is_empty_stays_empty() -> None:
+    assert largest_part(torch.zeros(2, 4, 4, 4)).sum() == 0 and largest_part(torch.zeros(0, 4, 4, 4)).shape[0] == 0
+    haze = torch.full((1, 4, 4, 4), 0.5)
+    assert torch.equal(largest_part(haze), haze) and not floating_parts(haze)[0].any()
+
+
+def test_the_level_decides_what_a_part_is() -> None:
+    x = torch.tensor([1.0, 1.0, 0.3, 1.0]).view(1, 4, 1, 1)
+    assert largest_part(x).sum() == pytest.approx(2.3) and torch.equal(largest_part(x, level=0.2), x)
+    assert floating_parts(x)[1].sum() == 1 and not floating_parts(x, level=0.2)[1].any()
+
+
+def test_pictures_are_refused() -> None:
+    with pytest.raises(UserError, match="holds no volumes"):
+        largest_part(torch.zeros(4, 4))
+
+
+# Gaps
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("gap", [1, 2, 3])
+def test_what_is_within_two_voxels_does_not_float(gap: int, place: int) -> None:
+    x = torch.zeros(1, 12, 3, 3)
+    x[:, place : place + 3, 1, 1] = 1
+    x[:, place + 3 + gap :, 1, 1] = 1
+    floating, gaps = floating_parts(x)
+    assert floating.any() == (gap == 3)
+    assert gaps[0, :, 1, 1].nonzero().flatten().tolist() == ([place + 3 + k for k in range(gap)] if gap < 3 else [])
+
+
+def test_a_part_may_be_near_to_one_that_is_near() -> None:
+    x = torch.zeros(1, 16, 1, 1)
+    x[:, [0, 1, 4, 7, 12]] = 1
+    floating, gaps = (found.flatten().nonzero().flatten().tolist() for found in floating_parts(x))
+    assert floating == [11, 12, 13] and gaps == [2, 3]
