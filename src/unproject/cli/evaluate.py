@@ -33,8 +33,8 @@ def run(
 ) -> None:
     """Score a run: its samples, or projections of them, against held-out ones; estimated views against known ones.
 
-    Samples are also checked by themselves: their diversity, and whether shapes are in one piece. Without a reference, so
-    are runs on data of your own: projections against the training images, and what the view predictor knows.
+    Samples are also checked by themselves: their diversity, and whether shapes are in one piece. Without a reference,
+    runs on data of your own are: projections against the training images, and what the view predictor knows.
 
     Args:
         path: the run directory.

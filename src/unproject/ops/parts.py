@@ -1,4 +1,4 @@
-"""Parts of volumes: connected sets of voxels above a level; voxels that share a corner are connected (26 neighbours)."""
+"""Parts of volumes: connected sets of voxels above a level; voxels that share a corner are connected."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def floating_parts(x: Tensor, level: float = 0.5) -> tuple[Tensor, Tensor]:
     """Find the parts that float, and the gaps between the largest part and those near it.
 
     A part floats if gaps of more than two voxels separate it from the largest part, in one step or from part to part.
-    Its voxels are found with those that adjoin it, whatever their value. A gap is the voxels in between of the largest part and another at most
-    two voxels away: those whose chessboard distances to both sum to 3 at most.
+    Its voxels are found with those that adjoin it, whatever their value. A gap is what lies between the largest part
+    and another at most two voxels away: voxels outside both whose chessboard distances to them sum to 3 at most.
 
     Args:
         x: (B, X, Y, Z).

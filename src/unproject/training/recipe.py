@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypedDict
 
-from torch import Tensor, nn
+from torch import nn
 from typing_extensions import Self
 
 from .._types import UserError
