@@ -111,7 +111,7 @@ def test_shapes_score_perfectly_against_themselves(run: Run, monkeypatch: pytest
     monkeypatch.setattr(type(run.generator), "sample", lambda self, n, seed=0: shapes)
     scores = run.evaluate(Collection(shapes), n=12, recipe=RECIPE)
     assert scores["mmd_iou"].value == pytest.approx(0.0, abs=1e-6) and scores["cov_iou"].value == 1.0
-    assert scores["in_one_piece"].value == 1.0
+    assert scores["in_one_piece"] == run.domain.checks(shapes)["in_one_piece"]
 
 
 def test_a_reference_that_fits_nothing_is_refused(run: Run) -> None:
