@@ -33,6 +33,7 @@ _HOME = {
     "AssignmentState": "unproject.assignment",
     "Known": "unproject.assignment",
     "Predicted": "unproject.assignment",
+    "JointlyPredicted": "unproject.assignment",
     "LearnedPrior": "unproject.assignment",
     "Unassigned": "unproject.assignment",
     "Rounds": "unproject.assignment",
@@ -55,6 +56,7 @@ _HOME = {
     "Augmentation": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
     "Connected": "unproject.adversarial.regularisers",
+    "Pinned": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
     "Solid": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
@@ -125,12 +127,14 @@ if TYPE_CHECKING:
     from .adversarial.penalties import GradientPenalty as GradientPenalty
     from .adversarial.penalties import Penalty as Penalty
     from .adversarial.regularisers import Connected as Connected
+    from .adversarial.regularisers import Pinned as Pinned
     from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid
     from .assignment import Assignment as Assignment
     from .assignment import AssignmentState as AssignmentState
     from .assignment import Estimator as Estimator
     from .assignment import GaussianInitialiser as GaussianInitialiser
+    from .assignment import JointlyPredicted as JointlyPredicted
     from .assignment import Known as Known
     from .assignment import LearnedPrior as LearnedPrior
     from .assignment import MeanShapeInitialiser as MeanShapeInitialiser

@@ -28,7 +28,7 @@ from unproject.data import Collection
 from unproject.networks import LowRankGenerator, VoxelGenerator
 from unproject.projections.base import Identity
 from unproject.projections.silhouette import Silhouette, azimuth_bins
-from unproject.recipes import shapes as module
+from unproject.recipes import shape_panels
 from unproject.recipes.shapes import shapes, shapes_paper
 from unproject.training import Recipe
 from unproject.training.state import State
@@ -207,7 +207,7 @@ def test_silhouettes_are_cut_if_asked(recipe: Callable[..., Recipe], volumes: Pa
 
 
 def test_chairs_unless_data_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "PROCEDURAL_CHAIRS", 3)
+    monkeypatch.setattr(shape_panels, "PROCEDURAL_CHAIRS", 3)
     assert len(only_panel(shapes(**SMALL))) == 3 * 8
     assert len(only_panel(shapes(views="direct", **SMALL))) == 3
 

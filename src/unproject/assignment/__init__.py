@@ -1,12 +1,14 @@
 """Assignment: which observation made each image, and how generated samples are observed.
 
 `Known`: the observation of each image is known (MP-GAN). `Predicted`: a view predictor estimates it (VP-MP-GAN).
+`JointlyPredicted`: the predictor is trained along with the generator, which prefers views that can be predicted.
 `LearnedPrior`: only the distribution of views is learned (UVTomo-GAN). `Unassigned`: one discriminator for all views
 (PrGAN). An assignment of your own derives from `Assignment`.
 """
 
 from .context import Context
 from .gaussian import GaussianInitialiser
+from .jointly_predicted import JointlyPredicted, JointlyPredictedState
 from .learned_prior import LearnedPrior, LearnedPriorState
 from .mean_shape import MeanShapeInitialiser
 from .panel import Assignment, AssignmentState, Known, Panel, by_view, views_of
@@ -22,6 +24,8 @@ __all__ = [
     "Estimator",
     "GaussianInitialiser",
     "Initialiser",
+    "JointlyPredicted",
+    "JointlyPredictedState",
     "Known",
     "LearnedPrior",
     "LearnedPriorState",

@@ -89,7 +89,7 @@ class LearnedPriorState(AssignmentState):
             return self.panel.project(x, u.argmax(1).cpu(), rng)
         return project_softly(lambda some, views: self.panel.project(some, views, rng), x, u, self.settings.images)
 
-    def loss(self) -> Tensor:
+    def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the weight times log K minus the entropy of p."""
         p = self.shares
         return self.settings.entropy_weight * (p * (p * len(p)).clamp_min(1e-12).log()).sum()

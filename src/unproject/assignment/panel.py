@@ -197,8 +197,13 @@ class AssignmentState(nn.Module):
         """Do what is due before a step; False if interrupted, and then called again to continue."""
         return True
 
-    def loss(self) -> Tensor | float:
-        """Return a term of the generator's loss."""
+    def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor | float:
+        """Return a term of the generator's loss.
+
+        Args:
+            fake: (B, ...), projections of samples, paired with the images of `rows` (B,).
+            progress: the part of the budget that is spent.
+        """
         return 0.0
 
     def update(self, average_gradients: Callable[[nn.Module], None]) -> None:

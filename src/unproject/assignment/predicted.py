@@ -151,7 +151,7 @@ class PredictedState(AssignmentState):
         loss = self._fit(run, seed)
         if loss is None:
             return False
-        found = self.settings.estimator.responsibilities(self._probabilities())
+        found = self.settings.estimator.responsibilities(self._predict())
         self._assign(run, found, seed, event="assigned", round=int(self.fitting), loss=round(loss, 6))
         if self.settings.rounds.restart and self.round == 0:
             run.restart()
@@ -160,6 +160,10 @@ class PredictedState(AssignmentState):
         self.fitting.fill_(0)
         self.adam = None
         return True
+
+    def _predict(self) -> Tensor:
+        """Return the probabilities that the images are assigned by, (N, K)."""
+        return self._probabilities()
 
     def _fit(self, run: Context, seed: int) -> float | None:
         """Return the last loss of the predictor's fit, or None if interrupted."""
@@ -214,17 +218,19 @@ class PredictedState(AssignmentState):
         """Return what the predictor knows of views, I(k; y) = H(mean p) - mean H(p), and how many are used."""
         p = self._probabilities()
         n, count = p.shape
-        information = entropy(p.mean(0)) - entropy(p).mean()
         used = torch.bincount(self.views, minlength=count) / n
         return {
-            "view_information": Score(
-                information.item(), f"nats of log {count} = {math.log(count):.2f}, {n} images", n
-            ),
+            "view_information": Score(information(p), f"nats of log {count} = {math.log(count):.2f}, {n} images", n),
             "views_used": Score(entropy(used).exp().item(), f"exp of the entropy of assigned views, of {count}", n),
         }
 
     def estimates(self) -> Tensor:
         return self.views
+
+
+def information(p: Tensor) -> float:
+    """Return I(k; y) = H(mean p) - mean H(p) of the probabilities p (N, K), in nats."""
+    return (entropy(p.mean(0)) - entropy(p).mean()).item()
 
 
 def entropy(p: Tensor) -> Tensor:

@@ -27,6 +27,9 @@ class PredictorFit:
         steps, batch, learning_rate: of the fit.
         binarise: threshold images at ½ before the predictor sees them.
         fresh: start from new weights in every round instead of the last round's.
+        mirrored: the view of which the flipped image is as likely as the image is of each view, for objects that are
+            their own mirror images (`projections.mirrored_views`). Half of the images are flipped in the fit, and
+            probabilities are means over an image and its flip (default: none are flipped).
 
     Examples:
         >>> import torch, unproject as up
@@ -45,6 +48,7 @@ class PredictorFit:
     learning_rate: float = 2e-3
     binarise: bool = False
     fresh: bool = False
+    mirrored: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in ("images", "steps", "batch"):
@@ -57,6 +61,14 @@ class PredictorFit:
     def prepared(self, images: Tensor) -> Tensor:
         """Return the images as the predictor sees them."""
         return (images > 0.5).to(images) if self.binarise else images
+
+    def half_mirrored(self, images: Tensor, views: Tensor) -> tuple[Tensor, Tensor]:
+        """Return images and views of which the second half is flipped, if there are `mirrored` views."""
+        if self.mirrored is None:
+            return images, views
+        half, mirrored = len(images) // 2, torch.tensor(self.mirrored, device=views.device)
+        flipped = torch.cat([images[:half], images[half:].flip(-1)])
+        return flipped, torch.cat([views[:half], mirrored[views[half:]]])
 
     def run(
         self,
@@ -77,7 +89,8 @@ class PredictorFit:
         for step in range(done, self.steps):
             rows = torch.randint(len(images), (self.batch,), generator=generator_at(seed, step, "view predictor"))
             optimiser.param_groups[0]["lr"] = self.learning_rate * (1 - step / self.steps)
-            loss = F.cross_entropy(predictor(images[rows]), views[rows].to(images.device))
+            some, labels = self.half_mirrored(images[rows], views[rows].to(images.device))
+            loss = F.cross_entropy(predictor(some), labels)
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
@@ -94,4 +107,10 @@ class PredictorFit:
     def probabilities(self, predictor: nn.Module, batches: Iterable[Tensor]) -> Tensor:
         """Return the probability of every view for each image, (N, K), on the CPU."""
         device = next(predictor.parameters()).device
-        return torch.cat([predictor(self.prepared(part).to(device)).softmax(1).cpu() for part in batches])
+        return torch.cat([self._of_batch(predictor, self.prepared(part).to(device)).cpu() for part in batches])
+
+    def _of_batch(self, predictor: nn.Module, images: Tensor) -> Tensor:
+        p = predictor(images).softmax(1)
+        if self.mirrored is None:
+            return p
+        return (p + predictor(images.flip(-1)).softmax(1)[:, list(self.mirrored)]) / 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,6 +15,7 @@ from torch import Tensor
 from .. import export
 from ..data import Collection, read
 from ..metrics import Score, one_minus_iou, shape_scores, silhouette_scores
+from ..ops.framing import unit_sized
 from ..ops.parts import largest_part, number_parts
 from ..projections.observation import Observation
 from .domain import Domain, Exporter
@@ -27,6 +28,10 @@ CRUMB = 0.01
 class Volumes(Domain):
     """Shapes as occupancy (N, X, Y, Z) in [0, 1], y up; turned about y by an unknown view's `azimuth`.
 
+    Attributes:
+        sized: samples have the size of the data's objects; without it, as after learning from cropped pictures, samples
+            and references are scored at one size (`ops.unit_sized`).
+
     Examples:
         >>> import unproject as up
         >>> sorted(up.Volumes().exporters)
@@ -38,6 +43,7 @@ class Volumes(Domain):
     name: ClassVar[str] = "volume"
     previewed: ClassVar[int] = 6
     scored: ClassVar[int] = 256
+    sized: bool = True
 
     def preview(self, x: Tensor) -> Image.Image:
         return export.contact_sheet(x, size=96)
@@ -49,7 +55,10 @@ class Volumes(Domain):
         return largest_part(x.float())
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
-        return shape_scores(x, reference, bins=turns, seed=seed)
+        if self.sized:
+            return shape_scores(x, reference, bins=turns, seed=seed)
+        found = shape_scores(unit_sized(x), unit_sized(reference.float()), bins=turns, seed=seed)
+        return {name: replace(score, protocol=f"{score.protocol}, all at one size") for name, score in found.items()}
 
     def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
         return silhouette_scores(y, reference, seed=seed) if reference.dim() == 4 and reference.shape[1] == 1 else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .framing import bounding_box, common_fill, framed, unit_sized
 from .hull import visual_hull
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
@@ -12,10 +13,13 @@ from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_imag
 __all__ = [
     "absorption",
     "any_occupied",
+    "bounding_box",
     "camera_frame",
+    "common_fill",
     "capped_sum",
     "expected_depth",
     "floating_parts",
+    "framed",
     "largest_part",
     "orthographic_rays",
     "perspective_rays",
@@ -26,5 +30,6 @@ __all__ = [
     "rotate_y",
     "sample_volume",
     "strip_integrals",
+    "unit_sized",
     "visual_hull",
 ]

@@ -51,6 +51,10 @@ class Projection:
         """Return y = P(x, θ)."""
         return self.forward(x, **latents)
 
+    def prepare(self, y: Tensor) -> Tensor:
+        """Return a picture as this projection would have made it: what it does to all its pictures, done to y."""
+        return y
+
     @property
     def latents(self) -> tuple[str, ...]:
         """Names of the latent parameters: the keyword-only parameters of `forward`."""

@@ -135,7 +135,7 @@ class Silhouette(Projection):
 _RULE = {"any": any_occupied, "alpha": capped_sum}
 
 
-def azimuth_bins(count: int = 16, silhouette: Silhouette | None = None) -> tuple[Observation, ...]:
+def azimuth_bins(count: int = 16, silhouette: Projection | None = None) -> tuple[Observation, ...]:
     """Return silhouettes in `count` bins of azimuth at elevation 0, the first centred on azimuth 0; uniform in each.
 
     Examples:
@@ -151,7 +151,7 @@ def azimuth_bins(count: int = 16, silhouette: Silhouette | None = None) -> tuple
 
 
 def azimuth_elevation_bins(
-    azimuths: int = 8, elevations: int = 3, silhouette: Silhouette | None = None
+    azimuths: int = 8, elevations: int = 3, silhouette: Projection | None = None
 ) -> tuple[Observation, ...]:
     """Return silhouettes in bins of azimuth × bands of elevation, 15° wide, centred on 0: the released second set."""
     bands = [math.radians(15) * (band - elevations / 2) for band in range(elevations + 1)]
@@ -164,6 +164,20 @@ def azimuth_elevation_bins(
         for k, azimuth in enumerate(Bins("azimuth", azimuths).parts)
         for band in range(elevations)
     )
+
+
+def mirrored_views(azimuths: int, elevations: int = 1) -> tuple[int, ...]:
+    """Return, for each of these bins, the one with the opposite azimuth: of `azimuth_bins`, or with bands of elevation.
+
+    The silhouette of an object that is symmetric about the plane x = 0 from azimuth -a is its flipped silhouette from
+    a, at any elevation.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.projections.mirrored_views(4)
+        (0, 3, 2, 1)
+    """
+    return tuple(-k % azimuths * elevations + band for k in range(azimuths) for band in range(elevations))
 
 
 def _level() -> Uniform:

@@ -5,28 +5,22 @@ The arms of every comparison differ by `views` alone; `pairing` has the table.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from typing_extensions import Unpack
 
-from .._random import derived_seed
-from .._types import UserError
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
-from ..assignment import MeanShapeInitialiser
-from ..data import Collection, chairs, observe, read, with_flips
+from ..data import with_flips
+from ..domains import Volumes
 from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
-from ..projections.observation import Observation
-from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
+from ..projections.cropped import Cropped
+from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, resumable
-from ..training.estimate import require_memory
-from .pairing import Views, five_rounds, frequent_rounds, panel_of
-
-PROCEDURAL_CHAIRS = 1000
+from .pairing import Views, five_rounds, panel_of
+from .shape_panels import fill_of, jointly_predicted, regulariser_of, silhouette_views, silhouettes_of
 
 
 @resumable
@@ -48,6 +42,7 @@ def shapes(
     gamma: float = 0.1,
     solid: float = 0.1,
     connected: float = 0.0,
+    information: float = 0.3,
     rounds: int = 40,
     balance: float = 0.8,
     init_views: bool = False,
@@ -75,6 +70,7 @@ def shapes(
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
         connected: weight of the preference for shapes in one piece.
+        information: weight of the preference for shapes whose views can be predicted (`JointlyPredicted`).
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far the distribution of predicted views is moved to the uniform one, 0 to 1; lower it if most of
             your pictures were taken from one side.
@@ -86,20 +82,22 @@ def shapes(
     """
     direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
+    collection = silhouettes_of(data, views, silhouette_views(silhouette, bins, bands), views_per_shape, binary, seed)
+    fill = fill_of(collection)
+    observations = silhouette_views(silhouette if fill is None else Cropped(silhouette, size, fill), bins, bands)
+    mirrored = mirrored_views(bins, bands) if mirror else None
+    predicted = jointly_predicted(rounds, balance, information, mirrored, init_views)
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
-    initialiser = MeanShapeInitialiser(mirror=mirror, balance=balance) if init_views else None
-    predicted = replace(frequent_rounds(rounds, balance), initialiser=initialiser)
-    observations = silhouette_views(silhouette, bins, bands)
-    collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed)
     return Recipe(
         generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=not direct),
         discriminator=partial(
             Discriminator, channels=16 if direct else 32, shared=4, bottleneck=256, common=True, volumetric=direct
         ),
         panels=[panel_of(views, observations, with_flips(collection) if flips else collection, predicted)],
+        domain=Volumes(sized=fill is None),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
-        regulariser=regulariser_of(0.0 if direct else solid, connected),
+        regulariser=regulariser_of(0.0 if direct else solid, connected, fill),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=48,
@@ -181,54 +179,3 @@ def shapes_paper(
         steps=300_000,
         seed=seed,
     ).configured(options)
-
-
-def regulariser_of(solid: float, connected: float) -> Regulariser | None:
-    """Return the preferences whose weight is not zero."""
-    terms = (*([Solid(solid, solid / 10)] if solid else []), *([Connected(connected)] if connected else []))
-    return Regularisers(terms) if len(terms) > 1 else next(iter(terms), None)
-
-
-def silhouette_views(silhouette: Silhouette, bins: int, bands: int) -> tuple[Observation, ...]:
-    """Return bins of azimuth at elevation 0, or times bands of elevation."""
-    if bins < 1 or bands < 1:
-        raise UserError(f"bins={bins}, bands={bands}: give at least one of each")
-    return azimuth_bins(bins, silhouette) if bands == 1 else azimuth_elevation_bins(bins, bands, silhouette)
-
-
-def silhouettes_of(
-    data: Path | None,
-    views: Views,
-    observations: tuple[Observation, ...],
-    views_per_shape: int,
-    binary: bool,
-    seed: int,
-) -> Collection:
-    """Return the silhouettes that `data` holds, or those rendered of its volumes; for direct training the volumes."""
-    silhouette = observations[0].projection
-    assert isinstance(silhouette, Silhouette) and silhouette.size is not None
-    size = silhouette.size
-    collection = read_or_make(data, size)
-    volumetric = collection.items.shape[1:] == (size, size, size)
-    if views == "direct":
-        if not volumetric:
-            raise UserError(
-                f"{collection.source}: direct training needs volumes; give a 3-D collection or other --views"
-            )
-        return collection
-    if not volumetric:
-        return collection
-    where = derived_seed(seed, 0, "silhouettes")
-    return observe(collection, observations, views_per_shape, where, binary=binary)
-
-
-def read_or_make(data: Path | None, size: int) -> Collection:
-    """Read the collection of a path; without one, make procedural chairs."""
-    if data is None:
-        made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels"
-        require_memory(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
-        return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
-    found = read(data, size=size)
-    if found.items.dim() != 4:
-        raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
-    return found

@@ -126,7 +126,7 @@ class Trainer:
         if recipe.augmentation is not None:
             rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
             real, fake = recipe.augmentation(real, rng), recipe.augmentation(fake, rng)
-        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device))
+        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device), rows)
 
     def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
@@ -162,8 +162,8 @@ class Trainer:
         measure = recipe.balance_every > 0 and len(batches) > 1 and state.counters.step % recipe.balance_every == 0
         total, loss = balanced_loss(state, losses, self.distribution if measure else None)
         extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
-        for panel in state.panels:
-            extra = extra + panel.assignment.loss()
+        for batch in batches:
+            extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)
         self._apply(state.generator, state.generator_optimiser, loss + extra)
         for panel in state.panels:
             panel.assignment.update(self.distribution.average_gradients)
@@ -291,8 +291,8 @@ class TrainingContext:
 class Batch:
     """What one panel's discriminator sees at one update: pairs of real and generated images, each with its head."""
 
-    def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor) -> None:
-        self.panel, self.real, self.fake, self.head = panel, real, fake, head
+    def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor) -> None:
+        self.panel, self.real, self.fake, self.head, self.rows = panel, real, fake, head, rows
         self.real_logits = torch.empty(0)
 
     def score(self, images: Tensor) -> Tensor:

@@ -1,0 +1,140 @@
+"""JointlyPredicted: the view predictor is trained at every step, together with the generator, which it may steer.
+
+Pictures of unknown view do not decide between the worlds that explain them: bodies of revolution, wide ones for wide
+pictures, explain any set of mirror-symmetric silhouettes. What tells the true world is that its views can be predicted.
+With q(k | y) the predictor, both minimise
+
+    E[-log q(k | P_k(G(z), θ))]        the predictor with weight 1, the generator with weight w(progress)
+
+and log K minus this cross entropy is a lower bound of the mutual information I(k; y) of views and pictures. A generator
+could make its projections more telling than pictures are, so w falls to 0 while the bound exceeds what the pictures
+hold by more than a margin: H(mean q) - mean H(q) over real pictures, which it cannot fake.
+
+References:
+    Chen et al. 2016, InfoGAN (the bound, and its joint training).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from .._types import UserError
+from ..metrics import Score
+from .context import Context
+from .panel import Panel, shared_collection
+from .predicted import Predicted, PredictedState, information
+from .responsibilities import uniform_views
+
+MEMORY = 0.02
+"""Share of the newest step in the moving average of the cross entropy."""
+
+
+@dataclass(frozen=True)
+class JointlyPredicted(Predicted):
+    """Views by a predictor that is trained along with the generator; a round assigns the images anew, without a fit.
+
+    Of `fit` the network, `mirrored` and `binarise` count.
+
+    Args:
+        weight: w, of the information in the generator's loss, at the start.
+        fall: the parts of the budget between which w falls, linearly, to 0. Once views are found, pictures hold them.
+        margin: nats by which the information of projections may exceed that of pictures; w falls over it.
+        rate: Adam's learning rate of the predictor, β = (0.5, 0.999).
+
+    Examples:
+        >>> import unproject as up
+        >>> views = up.projections.azimuth_bins(4, up.Silhouette(size=16))
+        >>> silhouettes = up.data.observe(up.data.chairs(6, 16), views)
+        >>> panel = up.Panel(views, silhouettes, up.JointlyPredicted(weight=0.3))
+        >>> sorted(panel.assignment.begin(panel, seed=0).log())
+        ['view_information', 'view_information_of_data']
+    """
+
+    weight: float = 0.3
+    fall: tuple[float, float] = (0.2, 0.6)
+    margin: float = 0.3
+    rate: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not (self.weight >= 0 and 0 <= self.fall[0] < self.fall[1] and self.margin > 0 and self.rate > 0):
+            raise UserError(
+                f"JointlyPredicted(weight={self.weight:g}, fall={self.fall}, margin={self.margin:g}, "
+                f"rate={self.rate:g}): give a weight of 0 or more, 0 <= begin < end, a positive margin and rate"
+            )
+
+    def begin(self, panel: Panel, seed: int) -> JointlyPredictedState:
+        collection = shared_collection(panel, "JointlyPredicted")
+        views = uniform_views(len(collection), len(panel.observations), seed)
+        return JointlyPredictedState(panel, views, torch.zeros_like(views), self, seed)
+
+
+class JointlyPredictedState(PredictedState):
+    """The predictor, its optimiser, and what it knows.
+
+    Attributes:
+        of_fakes: moving average of log K minus the cross entropy of projections, nats.
+        of_data: information of the real images, at the last round, nats.
+    """
+
+    of_fakes: Tensor
+    of_data: Tensor
+
+    def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: JointlyPredicted, seed: int) -> None:
+        super().__init__(panel, views, heads, settings, seed)
+        self.joint = settings
+        self.online = torch.optim.Adam(self.predictor.parameters(), settings.rate, (0.5, 0.999))
+        for name in ("of_fakes", "of_data"):
+            self.register_buffer(name, torch.tensor(0.0))
+
+    def generator_weight(self, progress: float) -> float:
+        """Return w(progress), less what the cap takes."""
+        begin, end = self.joint.fall
+        falling = min(1.0, max(0.0, (end - progress) / (end - begin)))
+        room = (float(self.of_data) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
+        return self.joint.weight * falling * min(1.0, max(0.0, room))
+
+    def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
+        """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""
+        self.predictor.train()
+        w, views = self.generator_weight(progress), self.views[rows].to(fake.device)
+        images, views = self.settings.fit.half_mirrored(fake.detach() + w * (fake - fake.detach()), views)
+        loss = F.cross_entropy(self.predictor(self.settings.fit.prepared(images)), views)
+        self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)
+        return loss
+
+    def update(self, average_gradients: Callable[[torch.nn.Module], None]) -> None:
+        average_gradients(self)
+        self.online.step()
+        self.online.zero_grad()
+
+    def _begin_round(self, due: int, run: Context) -> None:
+        self.fitting.fill_(due)
+
+    def _fit(self, run: Context, seed: int) -> float:
+        self.predictor.eval()
+        return math.log(len(self.panel.observations)) - float(self.of_fakes)
+
+    def _predict(self) -> Tensor:
+        p = self._probabilities()
+        self.of_data.fill_(information(p))
+        return p
+
+    def optimisers(self) -> dict[str, torch.optim.Adam]:
+        return {"online": self.online}
+
+    def log(self) -> dict[str, Any]:
+        return {
+            "view_information": round(float(self.of_fakes), 4),
+            "view_information_of_data": round(float(self.of_data), 4),
+        }
+
+    def checks(self) -> dict[str, Score]:
+        self.predictor.eval()
+        return super().checks()

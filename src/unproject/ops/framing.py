@@ -1,0 +1,169 @@
+"""Framing: silhouettes cropped to their object, so that its size and place do not matter.
+
+1. Box. The profile of an axis is the largest value of each row (column). The box runs from the first to the last place
+   where the profile crosses ½ of its maximum, linearly between pixels: of a binary picture, its bounding box.
+2. Crop. The box is centred in a square whose side is the box's longer side / `fill`; aspect is kept.
+3. Resampling. Each pixel of the result is the share of its area that is covered; outside the picture is 0.
+
+This is the rule by which `data.frame` crops pictures of a folder, in torch. The edges of the box depend on a few pixels
+only, whose gradient would be that of the whole picture: its side and centre have their values from the edges, and their
+gradients from the moments ρ = (E |u - c|⁸)^⅛ and E (u - c)⁷ / 7 E (u - c)⁶ of the pixels u, which move and grow with
+the object as the edges do.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from .resampling import centres, sample_volume
+
+STEEP = 0.25
+"""The least step between two pixels of a profile whose crossing is placed between them."""
+POWER_FLOOR = 1e-9
+
+
+class Box(NamedTuple):
+    """Edges of the object in pixels from the picture's first row and column, (B,) each."""
+
+    top: Tensor
+    bottom: Tensor
+    left: Tensor
+    right: Tensor
+
+    @property
+    def longer(self) -> Tensor:
+        """The longer side, (B,)."""
+        return torch.maximum(self.bottom - self.top, self.right - self.left)
+
+    @property
+    def centre(self) -> tuple[Tensor, Tensor]:
+        """(row, column) of the centre, (B,) each."""
+        return (self.top + self.bottom) / 2, (self.left + self.right) / 2
+
+
+@torch.no_grad()
+def bounding_box(silhouettes: Tensor) -> Box:
+    """Return the boxes of silhouettes (B, 1, H, W); of an empty one the whole picture.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> mask = torch.zeros(1, 1, 8, 8)
+        >>> mask[..., 2:4, 1:7] = 1
+        >>> [edge.item() for edge in up.ops.bounding_box(mask)]
+        [2.0, 4.0, 1.0, 7.0]
+    """
+    rows, columns = silhouettes[:, 0].amax(2), silhouettes[:, 0].amax(1)
+    return Box(*_extent(rows), *_extent(columns))
+
+
+def _extent(profile: Tensor) -> tuple[Tensor, Tensor]:
+    """Return where profiles (B, N) first and last cross half of their maximum, in pixels from the start."""
+    return _first(profile), profile.shape[1] - _first(profile.flip(1))
+
+
+def _first(profile: Tensor) -> Tensor:
+    level = profile.amax(1, keepdim=True) / 2
+    at = (profile >= level).to(torch.uint8).argmax(1, keepdim=True)
+    here = profile.gather(1, at)
+    before = torch.where(at > 0, profile.gather(1, (at - 1).clamp_min(0)), torch.zeros_like(here))
+    # The centres of this pixel and of the one before lie half a pixel from their common edge: a full pixel beside an
+    # empty one begins at the edge.
+    crossing = at + 0.5 - (here - level) / (here - before).clamp_min(STEEP)
+    return torch.where(level > 0, crossing, torch.zeros_like(crossing))[:, 0]
+
+
+def framed(silhouettes: Tensor, size: int, fill: float = 0.85) -> Tensor:
+    """Return silhouettes (B, 1, H, W) cropped, scaled and centred, (B, 1, size, size); differentiable.
+
+    Args:
+        size: pixels a side of the result.
+        fill: the longer side of the object, as a share of the frame.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> small, large = torch.zeros(2, 1, 1, 32, 32)
+        >>> small[..., 3:9, 20:26], large[..., 4:28, 2:26] = 1, 1
+        >>> a, b = (up.ops.framed(mask, 16, fill=0.75) for mask in (small, large))
+        >>> bool(torch.allclose(a, b, atol=1e-5)), a.mean().item()
+        (True, 0.5625)
+    """
+    (row, column), side = _square(silhouettes)
+    cell = side.clamp_min(1) / (fill * size)
+    down, across = (
+        _shares(middle, cell, count, size) for middle, count in zip((row, column), silhouettes.shape[2:], strict=True)
+    )
+    return (down @ silhouettes[:, 0] @ across.transpose(1, 2)).clamp(0, 1)[:, None]
+
+
+def _square(silhouettes: Tensor) -> tuple[list[Tensor], Tensor]:
+    """Return the centre (row, column) and the longer side of the boxes, with the gradients of the moments."""
+    box = bounding_box(silhouettes)
+    share = silhouettes[:, 0] / (silhouettes.sum((1, 2, 3))[:, None, None] + POWER_FLOOR)
+    centre, offsets = [], []
+    for axis, middle in enumerate(box.centre):
+        count = silhouettes.shape[2 + axis]
+        u = torch.arange(count, device=share.device, dtype=share.dtype) + 0.5 - middle[:, None]
+        u = u / box.longer.clamp_min(1)[:, None]
+        profile = share.sum(2 - axis)
+        moment = (profile * u**7).sum(1) / (7 * (profile * u**6).sum(1).detach() + POWER_FLOOR)
+        centre.append(middle + (moment - moment.detach()) * box.longer)
+        offsets.append(u.abs())
+    far = torch.maximum(offsets[0][:, :, None], offsets[1][:, None, :])
+    rho = (share * far**8).sum((1, 2)) + POWER_FLOOR
+    return centre, box.longer * (1 + (rho.log() - rho.detach().log()) / 8)
+
+
+def _shares(middle: Tensor, cell: Tensor, count: int, size: int) -> Tensor:
+    """Return (B, size, count): the share of output pixel i, `cell` (B,) pixels wide, that input pixel j covers."""
+    edges = torch.arange(size + 1, device=middle.device, dtype=middle.dtype) - size / 2
+    edges = middle[:, None] + edges * cell[:, None]
+    pixels = torch.arange(count, device=middle.device, dtype=middle.dtype)
+    shared = torch.minimum(edges[:, 1:, None], pixels + 1) - torch.maximum(edges[:, :-1, None], pixels)
+    return shared.clamp_min(0) / cell[:, None, None]
+
+
+def common_fill(silhouettes: Tensor, tolerance: float = 1.5, share: float = 0.95) -> float | None:
+    """Return the `fill` that silhouettes (N, 1, H, W) were cropped with; None if they were not cropped one by one.
+
+    They were if at least `share` of them are centred, and equally long on their longer side, within `tolerance` pixels.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> masks = (torch.rand(8, 1, 32, 32, generator=torch.Generator().manual_seed(0)) > 0.5).float()
+        >>> masks[..., :8] = 0
+        >>> up.ops.common_fill(masks) is None, up.ops.common_fill(up.ops.framed(masks, 32, 0.75))
+        (True, 0.75)
+    """
+    box, (height, width) = bounding_box(silhouettes), silhouettes.shape[2:]
+    row, column = box.centre
+    longer = box.longer.median()
+    off = torch.stack([(row - height / 2).abs(), (column - width / 2).abs(), (box.longer - longer).abs()])
+    cropped = height == width and bool((off <= tolerance).all(0).double().mean() >= share)
+    return round(float(longer) / height, 3) if cropped else None
+
+
+def unit_sized(x: Tensor, side: float = 0.8) -> Tensor:
+    """Return volumes (B, X, Y, Z) moved and scaled so that the longest side of their box at 0.5 is `side` of the frame.
+
+    The box is centred; interpolation is trilinear. A volume with nothing above 0.5 stays as it is.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.zeros(1, 16, 16, 16)
+        >>> x[:, 1:5, 1:9, 1:5] = 1
+        >>> [int(n) for n in (up.ops.unit_sized(x, side=0.75)[0] > 0.5).nonzero().amin(0)]
+        [5, 2, 5]
+    """
+    return torch.stack([_unit_sized(volume, side) if bool((volume > 0.5).any()) else volume for volume in x])
+
+
+def _unit_sized(volume: Tensor, side: float) -> Tensor:
+    occupied = (volume > 0.5).nonzero()
+    low, high = occupied.amin(0), occupied.amax(0) + 1
+    scale = (high - low).max() / (side * max(volume.shape))
+    places = [(centres(n, volume) * n * scale + low[i] + high[i]) / n - 1 for i, n in enumerate(volume.shape)]
+    points = torch.stack(torch.meshgrid(*places, indexing="ij"), -1)
+    return sample_volume(volume[None], points[None])[0]

@@ -1,0 +1,95 @@
+"""The parts of recipes for shapes: silhouettes and their views, framing, the assignment, regularisers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from .._random import derived_seed
+from .._types import UserError
+from ..adversarial.regularisers import Connected, Pinned, Regulariser, Regularisers, Solid
+from ..assignment import JointlyPredicted, MeanShapeInitialiser
+from ..data import Collection, chairs, observe, read
+from ..ops.framing import common_fill
+from ..projections.base import Projection
+from ..projections.observation import Observation
+from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
+from ..training.estimate import require_memory
+from .pairing import Views, frequent_rounds
+
+PROCEDURAL_CHAIRS = 1000
+PINNED = 0.78
+"""`Pinned.radius` over half of the longest side of a box, plate or rod, in the middle."""
+
+
+def regulariser_of(solid: float, connected: float, fill: float | None) -> Regulariser | None:
+    """Return the preferences whose weight is not zero, and with a `fill` what holds the size of objects."""
+    terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
+    terms += [Connected(connected)] if connected else []
+    terms += [Pinned(PINNED * fill)] if fill is not None else []
+    return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
+
+
+def jointly_predicted(
+    rounds: int, balance: float, information: float, mirrored: tuple[int, ...] | None, init_views: bool
+) -> JointlyPredicted:
+    """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along."""
+    drawn = frequent_rounds(rounds, balance, start=0.01)
+    fit = replace(drawn.fit, mirrored=mirrored)
+    initialiser = MeanShapeInitialiser(mirror=mirrored is not None, balance=balance) if init_views else None
+    return JointlyPredicted(drawn.rounds, fit, drawn.estimator, initialiser, weight=information)
+
+
+def fill_of(collection: Collection) -> float | None:
+    """Return the share of the frame that pictures were cropped to one by one; None if they were not."""
+    some = torch.linspace(0, len(collection) - 1, min(len(collection), 512)).long()
+    is_rendered = collection.latents is not None and "view" in collection.latents
+    is_picture = collection.items.shape[1] == 1
+    return common_fill(collection.batch(some)) if is_picture and not is_rendered else None
+
+
+def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:
+    """Return bins of azimuth at elevation 0, or times bands of elevation."""
+    if bins < 1 or bands < 1:
+        raise UserError(f"bins={bins}, bands={bands}: give at least one of each")
+    return azimuth_bins(bins, silhouette) if bands == 1 else azimuth_elevation_bins(bins, bands, silhouette)
+
+
+def silhouettes_of(
+    data: Path | None,
+    views: Views,
+    observations: tuple[Observation, ...],
+    views_per_shape: int,
+    binary: bool,
+    seed: int,
+) -> Collection:
+    """Return the silhouettes that `data` holds, or those rendered of its volumes; for direct training the volumes."""
+    silhouette = observations[0].projection
+    assert isinstance(silhouette, Silhouette) and silhouette.size is not None
+    size = silhouette.size
+    collection = read_or_make(data, size)
+    volumetric = collection.items.shape[1:] == (size, size, size)
+    if views == "direct":
+        if not volumetric:
+            raise UserError(
+                f"{collection.source}: direct training needs volumes; give a 3-D collection or other --views"
+            )
+        return collection
+    if not volumetric:
+        return collection
+    where = derived_seed(seed, 0, "silhouettes")
+    return observe(collection, observations, views_per_shape, where, binary=binary)
+
+
+def read_or_make(data: Path | None, size: int) -> Collection:
+    """Read the collection of a path; without one, make procedural chairs."""
+    if data is None:
+        made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels"
+        require_memory(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
+        return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
+    found = read(data, size=size)
+    if found.items.dim() != 4:
+        raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
+    return found
