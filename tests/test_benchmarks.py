@@ -21,7 +21,7 @@ NAMES = sorted(path.stem for path in BENCHMARKS.glob("*.py") if path.stem != "mi
 def named(monkeypatch: pytest.MonkeyPatch) -> object:
     """Import a benchmark by name, as `python benchmarks/NAME.py` finds its neighbours."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 4)
     before = set(sys.modules)
     yield import_module
     for name in set(NAMES) & (set(sys.modules) - before):

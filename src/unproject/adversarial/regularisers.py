@@ -66,12 +66,12 @@ class Connected:
     volumes: int = 6
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
-        """Return the term of volumes x (B, X, Y, Z); `progress` does not matter."""
+        """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
         x = x[: self.volumes]
         floating, gaps = floating_parts(x, self.level)
         misplaced = x.where(floating, 0) + (1 - x).where(gaps, 0)
         total = x.detach().flatten(1).sum(1) + 1e-6
-        return self.weight * (misplaced.flatten(1).sum(1) / total).mean()
+        return self.weight * min(progress, 1.0) * (misplaced.flatten(1).sum(1) / total).mean()
 
 
 @dataclass(frozen=True)

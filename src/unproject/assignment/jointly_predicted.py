@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -32,6 +32,8 @@ from .panel import Panel, shared_collection
 from .predicted import Predicted, PredictedState, information
 from .responsibilities import uniform_views
 
+TOLD = 0.55
+"""Share of log K from which on information counts as whole: objects that are their own mirror images hold 0.75."""
 MEMORY = 0.02
 """Share of the newest step in the moving average of the cross entropy."""
 
@@ -121,10 +123,12 @@ class JointlyPredictedState(PredictedState):
         self.predictor.eval()
         return math.log(len(self.panel.observations)) - float(self.of_fakes)
 
-    def _predict(self) -> Tensor:
-        p = self._probabilities()
+    def _responsibilities(self) -> Tensor:
+        """Return responsibilities balanced the less, the more of the views the pictures tell."""
+        p, estimator = self._probabilities(), self.settings.estimator
         self.of_data.fill_(information(p))
-        return p
+        told = min(1.0, float(self.of_data) / (TOLD * math.log(p.shape[1])))
+        return replace(estimator, balance=estimator.balance * (1 - told)).responsibilities(p)
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:
         return {"online": self.online}

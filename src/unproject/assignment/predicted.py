@@ -151,7 +151,7 @@ class PredictedState(AssignmentState):
         loss = self._fit(run, seed)
         if loss is None:
             return False
-        found = self.settings.estimator.responsibilities(self._predict())
+        found = self._responsibilities()
         self._assign(run, found, seed, event="assigned", round=int(self.fitting), loss=round(loss, 6))
         if self.settings.rounds.restart and self.round == 0:
             run.restart()
@@ -161,9 +161,9 @@ class PredictedState(AssignmentState):
         self.adam = None
         return True
 
-    def _predict(self) -> Tensor:
-        """Return the probabilities that the images are assigned by, (N, K)."""
-        return self._probabilities()
+    def _responsibilities(self) -> Tensor:
+        """Return the responsibilities that the images are assigned by, (N, K)."""
+        return self.settings.estimator.responsibilities(self._probabilities())
 
     def _fit(self, run: Context, seed: int) -> float | None:
         """Return the last loss of the predictor's fit, or None if interrupted."""

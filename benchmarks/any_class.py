@@ -1,0 +1,216 @@
+"""Shapes of nine classes from their silhouettes, with one set of default flags: how near they come, and to what.
+
+    python benchmarks/any_class.py --data SHARED --out RESULTS --minutes 20         # all arms, one after another
+    python benchmarks/any_class.py --data SHARED --out RESULTS --classes chair bed --seeds 0 --minutes 5
+
+SHARED holds shapes3d/ with seven ModelNet classes (solid voxels), 18 birds and 17 cars (meshes). Of each class at most
+200 training shapes are rendered, 16 silhouettes each (64 of birds and cars), binary, 64 pixels a side, at azimuths
+uniform around the circle. An arm is a class, a form, views and a seed:
+
+    cropped   a folder of PNGs, each cropped to its object by itself, views unknown: nothing but --data is given
+    plain     the same silhouettes as they are, in an .npz, views unknown
+    known     the same .npz with the azimuths
+
+Each arm trains `shapes` for some minutes on one thread and is scored against held-out shapes: MMD and COV (1 - IoU, all
+shapes at one size, the gauge chosen on training shapes) over those of as many training shapes; the accuracy of views
+over that of a predictor trained on the true ones; the share of shapes in one piece. A line of JSON an arm is written to
+RESULTS/results.jsonl, an arm that is there is left out, and the table is printed at the end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor
+
+import unproject as up
+from unproject.data.readers.shapes import normalised
+from unproject.data.readers.voxelise import voxelise
+from unproject.metrics import shape_scores, view_accuracy
+from unproject.ops import unit_sized
+from unproject.training.evaluation import supervised_ceiling
+
+MODELNET = ("bathtub", "bed", "chair", "desk", "dresser", "night_stand", "table")
+CLASSES = (*MODELNET, "bird", "car")
+CHOSEN_ON = ("bed", "chair", "car", "table")
+"""Classes that methods were chosen on; the others are run once, with what was chosen."""
+FORMS = ("cropped", "plain", "known")
+RENDERED, SIZE, SHAPES, BINS = 64, 32, 200, 16
+UNLIKE_CARS = ("kart", "tractor")
+
+
+def volumes_of(name: str, data: Path) -> tuple[Tensor, Tensor]:
+    """Return training and held-out volumes (N, 64, 64, 64) of a class."""
+    if name in MODELNET:
+        archive = data / "shapes3d" / "modelnet7_vox30_packbits.npz"
+        splits = [up.Collection.volumes(f"{archive}:{name}/{split}", size=RENDERED) for split in ("train", "test")]
+        rng = torch.Generator().manual_seed(7)
+        rows = [
+            torch.randperm(len(split), generator=rng)[:most].sort().values
+            for split, most in zip(splits, (SHAPES, 100), strict=True)
+        ]
+        return splits[0].batch(rows[0]), splits[1].batch(rows[1])
+    meshes = birds(data) if name == "bird" else cars(data)
+    solids = torch.stack([torch.from_numpy(voxelise(normalised(v), f, RENDERED)).float() for v, f in meshes])
+    held_out = torch.arange(len(solids)) % 4 == 3
+    return solids[~held_out], solids[held_out]
+
+
+def birds(data: Path) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return (vertices, faces) of each bird, turned so that y is up."""
+    stored = np.load(data / "shapes3d" / "birds18_aves_meshes.npz")
+    return [(v.astype(float)[:, [0, 2, 1]] * np.array([1, 1, -1]), stored["faces"]) for v in stored["verts"]]
+
+
+def cars(data: Path) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return (vertices, faces) of each vehicle that is neither a kart nor a tractor."""
+    stored = np.load(data / "shapes3d" / "cars_kenney_cc0_meshes.npz")
+    found = []
+    for i, name in enumerate(stored["name"]):
+        vertices = stored["verts"][stored["vert_start"][i] : stored["vert_start"][i + 1]].astype(float)
+        faces = stored["faces"][stored["face_start"][i] : stored["face_start"][i + 1]]
+        if not any(word in str(name) for word in UNLIKE_CARS):
+            found.append((vertices, faces - faces.min()))
+    return found
+
+
+def prepare(name: str, data: Path, out: Path) -> Path:
+    """Render a class's silhouettes once; return its folder."""
+    folder = out / "data" / name
+    if (folder / "truth.pt").exists():
+        return folder
+    (folder / "cropped").mkdir(parents=True, exist_ok=True)
+    train, test = volumes_of(name, data)
+    views = up.projections.azimuth_bins(BINS, up.Silhouette(size=RENDERED))
+    seen = up.data.observe(train, views, 16 if len(train) > 50 else 64, seed=3, binary=True, chunk=16)
+    masks = seen.floats()[:, 0].numpy() > 0.5
+    large = np.array([max(np.ptp(np.nonzero(m)[k]) if m.any() else 0 for k in (0, 1)) >= 8 for m in masks])
+    masks, azimuth = masks[large], seen.latents["azimuth"].numpy()[large] if seen.latents else np.zeros(0)
+    np.savez_compressed(folder / "plain.npz", sil=masks)
+    np.savez_compressed(folder / "known.npz", sil=masks, azimuth=azimuth)
+    for i, mask in enumerate(masks):
+        cropped = up.data.frame(mask.astype(np.float32), RENDERED).image[0].numpy() >= 0.5
+        Image.fromarray(cropped.astype(np.uint8) * 255).save(folder / "cropped" / f"{i:05d}.png")
+    half = [torch.nn.functional.avg_pool3d(v[:, None], RENDERED // SIZE)[:, 0] for v in (train, test)]
+    torch.save({"azimuth": torch.from_numpy(azimuth), "train": half[0], "test": half[1]}, folder / "truth.pt")
+    return folder
+
+
+def true_bins(azimuth: Tensor) -> Tensor:
+    return (azimuth / (2 * math.pi) * BINS).round().long() % BINS
+
+
+def ceiling(folder: Path, form: str, azimuth: Tensor) -> float:
+    """Return the exact accuracy of a predictor trained on the true views; computed once."""
+    kept = folder / f"ceiling-{form}.json"
+    if not kept.exists():
+        pictures = up.data.read(path_of(folder, form), size=SIZE)
+        panel = up.Panel(up.projections.azimuth_bins(BINS, up.Silhouette(size=SIZE)), pictures, up.Predicted())
+        found = supervised_ceiling(up.Volumes(), panel, true_bins(azimuth), 0)
+        kept.write_text(json.dumps(found.exact))
+    return json.loads(kept.read_text())
+
+
+def path_of(folder: Path, form: str) -> Path:
+    return folder / {"cropped": "cropped", "plain": "plain.npz", "known": "known.npz"}[form]
+
+
+def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: Path) -> dict[str, Any]:
+    """Train and score one arm."""
+    views = "known" if form == "known" else "predicted"
+    recipe = up.recipes.find("shapes")(data=path_of(folder, form), views=views, seed=seed, minutes=minutes)
+    began = time.monotonic()
+    place = out / "runs" / f"{name}-{form}-{seed}"
+    run = up.resume(place) if place.exists() else up.train(recipe, place, quiet=True)
+    seconds = time.monotonic() - began
+    truth = torch.load(folder / "truth.pt")
+    train, test = unit_sized(truth["train"]), unit_sized(truth["test"])
+    own = shape_scores(train, test, bins=None)
+    x = run.sample(len(train), seed=1)
+    bins = None if form == "known" else BINS
+    scores = shape_scores(unit_sized(at_size(x)), test, selection=train[:100], bins=bins)
+    found = {
+        "steps": run.stats()[-1]["step"],
+        "minutes": round(seconds / 60, 1),
+        "mmd": scores["mmd_iou"].value,
+        "mmd_ratio": scores["mmd_iou"].value / own["mmd_iou"].value,
+        "cov_ratio": scores["cov_iou"].value / own["cov_iou"].value,
+        "in_one_piece": run.domain.checks(x)["in_one_piece"].value,
+    }
+    if form != "known":
+        assigned = run.assignments(recipe)[0].estimates()
+        assert assigned is not None
+        exact = view_accuracy(assigned, true_bins(truth["azimuth"]), BINS).exact
+        found |= {"views": exact, "views_of_ceiling": exact / ceiling(folder, form, truth["azimuth"])}
+    up.export.contact_sheet(x[:12], out / f"{name}-{form}-{seed}.png", size=80)
+    return found
+
+
+def at_size(x: Tensor) -> Tensor:
+    """Return volumes at the size of the references."""
+    return x if x.shape[-1] == SIZE else torch.nn.functional.interpolate(x[:, None], (SIZE,) * 3, mode="area")[:, 0]
+
+
+def origin() -> dict[str, str]:
+    head = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False)
+    return {"commit": head.stdout.strip(), "machine": f"{os.cpu_count()} cores, {platform.processor() or 'x86-64'}"}
+
+
+def table(results: Sequence[dict[str, Any]]) -> str:
+    """Return the results as a Markdown table; the last column is the MMD over that of known views of the same seed."""
+    known = {(r["class"], r["seed"]): r["mmd"] for r in results if r["form"] == "known"}
+    head = "| class | form | seed | MMD / own | COV / own | in one piece | views / ceiling | MMD / known |"
+    lines = [head, "|---" * 8 + "|"]
+    for r in sorted(results, key=lambda r: (r["class"], FORMS.index(r["form"]), r["seed"])):
+        views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
+        base = known.get((r["class"], r["seed"]))
+        ratio = f"{r['mmd'] / base:.2f}" if base and r["form"] != "known" else ""
+        lines.append(
+            f"| {r['class']} | {r['form']} | {r['seed']} | {r['mmd_ratio']:.2f} | {r['cov_ratio']:.2f} "
+            f"| {r['in_one_piece']:.2f} | {views} | {ratio} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="the folder that holds shapes3d/")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, default=20.0)
+    parser.add_argument("--classes", nargs="+", choices=CLASSES, default=CLASSES)
+    parser.add_argument("--forms", nargs="+", choices=FORMS, default=FORMS)
+    parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1))
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    log = given.out / "results.jsonl"
+    given.out.mkdir(parents=True, exist_ok=True)
+    results = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
+    done = {(r["class"], r["form"], r["seed"]) for r in results}
+    for seed in given.seeds:
+        for name in given.classes:
+            for form in given.forms:
+                if (name, form, seed) in done:
+                    continue
+                folder = prepare(name, given.data, given.out)
+                found = run_arm(name, form, seed, given.minutes, folder, given.out)
+                results.append({"class": name, "form": form, "seed": seed, **found, **origin()})
+                with log.open("a") as file:
+                    file.write(json.dumps(results[-1]) + "\n")
+                print(json.dumps(results[-1]), flush=True)
+    print(table(results))
+
+
+if __name__ == "__main__":
+    main()
