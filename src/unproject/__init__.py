@@ -56,7 +56,7 @@ _HOME = {
     "Augmentation": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
     "Connected": "unproject.adversarial.regularisers",
-    "Pinned": "unproject.adversarial.regularisers",
+    "Inside": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
     "Solid": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
@@ -127,7 +127,7 @@ if TYPE_CHECKING:
     from .adversarial.penalties import GradientPenalty as GradientPenalty
     from .adversarial.penalties import Penalty as Penalty
     from .adversarial.regularisers import Connected as Connected
-    from .adversarial.regularisers import Pinned as Pinned
+    from .adversarial.regularisers import Inside as Inside
     from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid
     from .assignment import Assignment as Assignment

@@ -3,7 +3,7 @@
 from .augmentation import Augmentation, Shift
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
-from .regularisers import Connected, Pinned, Regulariser, Regularisers, Solid
+from .regularisers import Connected, Inside, Regulariser, Regularisers, Solid
 
 __all__ = [
     "R1R2",
@@ -14,7 +14,7 @@ __all__ = [
     "Logistic",
     "Loss",
     "Penalty",
-    "Pinned",
+    "Inside",
     "Regulariser",
     "Regularisers",
     "Relativistic",

@@ -5,10 +5,8 @@
 2. Crop. The box is centred in a square whose side is the box's longer side / `fill`; aspect is kept.
 3. Resampling. Each pixel of the result is the share of its area that is covered; outside the picture is 0.
 
-This is the rule by which `data.frame` crops pictures of a folder, in torch. The edges of the box depend on a few pixels
-only, whose gradient would be that of the whole picture: its side and centre have their values from the edges, and their
-gradients from the moments ρ = (E |u - c|⁸)^⅛ and E (u - c)⁷ / 7 E (u - c)⁶ of the pixels u, which move and grow with
-the object as the edges do.
+This is the rule by which `data.frame` crops pictures of a folder, in torch. The box is a constant for gradients: its
+edges depend on a few pixels only, which would have the gradient of the whole picture.
 """
 
 from __future__ import annotations
@@ -22,7 +20,6 @@ from .resampling import centres, sample_volume
 
 STEEP = 0.25
 """The least step between two pixels of a profile whose crossing is placed between them."""
-POWER_FLOOR = 1e-9
 
 
 class Box(NamedTuple):
@@ -90,30 +87,13 @@ def framed(silhouettes: Tensor, size: int, fill: float = 0.85) -> Tensor:
         >>> bool(torch.allclose(a, b, atol=1e-5)), a.mean().item()
         (True, 0.5625)
     """
-    (row, column), side = _square(silhouettes)
+    box = bounding_box(silhouettes)
+    (row, column), side = box.centre, box.longer
     cell = side.clamp_min(1) / (fill * size)
     down, across = (
         _shares(middle, cell, count, size) for middle, count in zip((row, column), silhouettes.shape[2:], strict=True)
     )
     return (down @ silhouettes[:, 0] @ across.transpose(1, 2)).clamp(0, 1)[:, None]
-
-
-def _square(silhouettes: Tensor) -> tuple[list[Tensor], Tensor]:
-    """Return the centre (row, column) and the longer side of the boxes, with the gradients of the moments."""
-    box = bounding_box(silhouettes)
-    share = silhouettes[:, 0] / (silhouettes.sum((1, 2, 3))[:, None, None] + POWER_FLOOR)
-    centre, offsets = [], []
-    for axis, middle in enumerate(box.centre):
-        count = silhouettes.shape[2 + axis]
-        u = torch.arange(count, device=share.device, dtype=share.dtype) + 0.5 - middle[:, None]
-        u = u / box.longer.clamp_min(1)[:, None]
-        profile = share.sum(2 - axis)
-        moment = (profile * u**7).sum(1) / (7 * (profile * u**6).sum(1).detach() + POWER_FLOOR)
-        centre.append(middle + (moment - moment.detach()) * box.longer)
-        offsets.append(u.abs())
-    far = torch.maximum(offsets[0][:, :, None], offsets[1][:, None, :])
-    rho = (share * far**8).sum((1, 2)) + POWER_FLOOR
-    return centre, box.longer * (1 + (rho.log() - rho.detach().log()) / 8)
 
 
 def _shares(middle: Tensor, cell: Tensor, count: int, size: int) -> Tensor:

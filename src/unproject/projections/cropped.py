@@ -1,7 +1,7 @@
 """Cropped: a projection whose pictures are cropped to their object, as those of a collection may be.
 
 Pictures that were cropped and scaled one by one are not projections of objects of one size: framing is part of how they
-came about. The size and the place of objects are left open by them; `adversarial.Pinned` holds both.
+came about. The size and the place of objects are left open by them; `adversarial.Inside` keeps objects within their volume.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import torch
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.regularisers import Connected, Pinned, Regulariser, Regularisers, Solid
+from ..adversarial.regularisers import Connected, Inside, Regulariser, Regularisers, Solid
 from ..assignment import JointlyPredicted, MeanShapeInitialiser
 from ..data import Collection, chairs, observe, read
 from ..ops.framing import common_fill
@@ -20,15 +20,13 @@ from ..training.estimate import require_memory
 from .pairing import Views, frequent_rounds
 
 PROCEDURAL_CHAIRS = 1000
-PINNED = 0.78
-"""`Pinned.radius` over half of the longest side of a box, plate or rod, in the middle."""
 
 
 def regulariser_of(solid: float, connected: float, fill: float | None) -> Regulariser | None:
     """Return the preferences whose weight is not zero, and with a `fill` what holds the size of objects."""
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
     terms += [Connected(connected)] if connected else []
-    terms += [Pinned(PINNED * fill)] if fill is not None else []
+    terms += [Inside(fill)] if fill is not None else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 
