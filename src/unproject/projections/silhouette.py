@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights
+from ..ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights, rising_rays, side_slices
 from ..ops.occupancy import absorption, any_occupied, capped_sum
 from ..ops.resampling import (
     depth_range,
@@ -90,12 +90,10 @@ class Silhouette(Projection):
             azimuth = azimuth.to(x)
             elevation = torch.zeros_like(azimuth) if elevation is None else elevation.to(x)
             _check(elevation.shape == azimuth.shape, f"give one elevation a volume, not {tuple(elevation.shape)}")
-            project = self._project_level if self._is_level(azimuth, elevation) else self._project
-            return project(x, azimuth, elevation)
-
-    def _is_level(self, azimuth: Tensor, elevation: Tensor) -> bool:
-        fixed = not (azimuth.requires_grad or elevation.requires_grad)
-        return self.fast and self.camera == "orthographic" and fixed and not bool(elevation.any())
+            if self.camera == "perspective" or not self.fast or azimuth.requires_grad:
+                return self._project(x, azimuth, elevation)
+            level = not elevation.requires_grad and not bool(elevation.any())
+            return (self._project_level if level else self._project_tilted)(x, azimuth, elevation)
 
     def _sampling(self, x: Tensor) -> tuple[int, float, int, float]:
         resolution = max(x.shape[1:])
@@ -125,12 +123,37 @@ class Silhouette(Projection):
             columns = _RULE[self.rule](ray_samples(x, rays), 2)
         return columns.transpose(1, 2).flip(1).unsqueeze(1)
 
+    def _project_tilted(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
+        """Return nearly the values of `_project`, a few volumes at a time so that their slices stay in the cache."""
+        size, _, samples, _ = self._sampling(x)
+        few = max(1, _CACHED // (size * self._depths(x) * x.shape[2]))
+        chunks = zip(*(part.split(few) for part in (x, azimuth, elevation)))
+        return torch.cat([self._project_few(*chunk) for chunk in chunks])
+
+    def _project_few(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
+        size, viewport, samples, half_depth = self._sampling(x)
+        slices = side_slices(x, azimuth, size, viewport, self._depths(x), half_depth)
+        rays = rising_rays(elevation, slices, size, viewport, samples, half_depth)
+        if self.rule == "absorption":
+            rows = absorption(ray_sums(slices, rays).unsqueeze(-1), -1, self._density(x))
+        else:
+            rows = _RULE[self.rule](ray_samples(slices, rays), 2)
+        return rows.flip(1, 2).unsqueeze(1)
+
+    def _depths(self, x: Tensor) -> int:
+        """Return an odd multiple of the samples, at least one a voxel: the samples of level rays are among them."""
+        _, _, samples, _ = self._sampling(x)
+        return samples * (math.ceil(depth_range(max(x.shape[1:]))[0] / samples) // 2 * 2 + 1)
+
     def _density(self, x: Tensor) -> float:
         """Return the density of a sample, from the density of a voxel."""
         resolution = max(x.shape[1:])
         samples, half_depth = depth_range(resolution, self.depth_samples)
         return self.density * half_depth * resolution / samples
 
+
+_CACHED = 1_600_000
+"""Values of slices at a time: as fast as one volume at a time for large volumes, as all of them for small ones."""
 
 _RULE = {"any": any_occupied, "alpha": capped_sum}
 
