@@ -188,10 +188,10 @@ def views(low: float, high: float, count: int = 12) -> dict[str, torch.Tensor]:
 
 
 MEANS = {
-    ("chairs", "any"): 0.006,
+    ("chairs", "any"): 0.008,
     ("chairs", "alpha"): 0.03,
-    ("chairs", "absorption"): 0.006,
-    ("blobs", "any"): 0.006,
+    ("chairs", "absorption"): 0.008,
+    ("blobs", "any"): 0.008,
     ("blobs", "alpha"): 0.05,
     ("blobs", "absorption"): 0.004,
 }
