@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unproject.ops import camera_frame, orthographic_rays, sample_volume
-from unproject.ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights, rising_rays, side_slices
-from unproject.ops.resampling import centres
+from unproject.ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights
 
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 9))
 sampling = st.tuples(st.integers(1, 9), st.floats(0.2, 2.5), st.integers(1, 13), st.floats(0.5, 2))
@@ -60,31 +58,3 @@ def test_differentiable_twice() -> None:
     for operator in (ray_samples, ray_sums):
         assert torch.autograd.gradcheck(lambda v, f=operator: f(v, rays), (x,))
         assert torch.autograd.gradgradcheck(lambda v, f=operator: f(v, rays).square(), (x,))
-
-
-@settings(deadline=None, max_examples=40)
-@given(shapes, sampling, azimuths)
-def test_side_slices_are_the_volume_in_the_planes_of_the_columns(shape, sampling, azimuth) -> None:  # noqa: ANN001
-    size, viewport, depths, half_depth = sampling
-    a = torch.tensor(azimuth, dtype=torch.float64)
-    x = torch.rand(len(a), *shape, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    points = orthographic_rays(camera_frame(a), size, viewport, depths, half_depth)[:, 0].clone()
-    points = points[:, :, :, None].repeat(1, 1, 1, shape[1], 1)
-    points[..., 1] = centres(shape[1], x)
-    expected = sample_volume(x, points).transpose(1, 2).flip(2)
-    torch.testing.assert_close(side_slices(x, a, size, viewport, depths, half_depth), expected, atol=1e-9, rtol=0)
-
-
-def test_differentiable_in_elevation_once_and_in_the_volume_twice() -> None:
-    x = torch.rand(2, 5, 3, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(0), requires_grad=True)
-    e = torch.tensor([0.4, -1.1], dtype=torch.float64, requires_grad=True)
-    for operator in (ray_samples, ray_sums):
-
-        def look(x: torch.Tensor, e: torch.Tensor, f=operator) -> torch.Tensor:  # noqa: ANN001
-            return f(x, rising_rays(e, x, 4, 1.2, 6, 1.5))
-
-        assert torch.autograd.gradcheck(look, (x, e))
-        assert torch.autograd.gradgradcheck(lambda x, f=look: f(x, e).square(), (x,))
-        (slope,) = torch.autograd.grad(look(x, e).square().sum(), e, create_graph=True)
-        with pytest.raises(RuntimeError, match="not implemented"):
-            slope.sum().backward()

@@ -233,6 +233,7 @@ def test_tilted_views_tend_to_level_ones(rule: str, options: dict[str, Any]) -> 
     level = silhouette(x, azimuth=azimuth)
     tilted = silhouette(x, azimuth=azimuth, elevation=torch.zeros(3).double().requires_grad_())
     torch.testing.assert_close(tilted, level, atol=1e-9, rtol=0)
+    assert tilted.requires_grad
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -4,9 +4,6 @@ Such a ray stays at its height, and its samples are the same sparse matrix A (fo
 height. With the volume as a table of columns V, one row for each place (x, z) and one column for each height, the
 samples are A V, a gather of four rows each. The gradient is Aᵀ g, again a gather, since only the few samples around a
 voxel depend on it. `resampling` is the plain reference with the same values.
-
-A ray of a camera at another elevation stays in its vertical plane. `side_slices` resamples the volume into these planes
-by the same gather, and in them the ray has an angle that depends on the elevation only (`rising_rays`): a second gather.
 """
 
 from __future__ import annotations
@@ -123,38 +120,21 @@ def _around(position: Tensor, reach: float, count: int) -> Tensor:
 
 def ray_samples(volume: Tensor, rays: PlaneRays) -> Tensor:
     """Return the samples of all rays, (B, size, samples, Y), of `volume` (B, X, Y, Z)."""
-    values = _Multiply.apply(_columns(volume), *rays.forward(), rays.adjoint)
-    return values.view(len(volume), rays.size, rays.samples, -1)
+    return multiply(volume, rays.forward(), rays.adjoint).view(len(volume), rays.size, rays.samples, -1)
 
 
 def ray_sums(volume: Tensor, rays: PlaneRays) -> Tensor:
     """Return the sum over each ray, (B, size, Y), without storing the samples."""
-    index, weight = (part.view(-1, 4 * rays.samples) for part in rays.forward())
-    sums = _Multiply.apply(_columns(volume), index, weight, lambda: rays.adjoint(summed=True))
-    return sums.view(len(volume), rays.size, -1)
+    matrix = Gather(*(part.view(-1, 4 * rays.samples) for part in rays.forward()))
+    return multiply(volume, matrix, lambda: rays.adjoint(summed=True)).view(len(volume), rays.size, -1)
 
 
-def side_slices(
-    volume: Tensor, azimuth: Tensor, size: int, viewport: float, depths: int, half_depth: float
-) -> Tensor:
-    """Resample a volume (B, X, Y, Z) into the vertical planes of the pixels' columns: (B, depths, size, Y).
+def multiply(volume: Tensor, matrix: Gather, adjoint: Callable[[], Gather]) -> Tensor:
+    """Return A V for `volume` (B, X, Y, Z): a row of Y values for each row of A. `adjoint` makes Aᵀ.
 
-    Depths come nearest first and columns from right to left: they are the samples of a camera on the picture's right.
+    Differentiable in the volume, and once in the weights of A.
     """
-    return ray_samples(
-        volume, PlaneRays(azimuth + math.pi / 2, (volume.shape[1], volume.shape[3]), depths, half_depth, size, viewport)
-    )
-
-
-def rising_rays(
-    elevation: Tensor, slices: Tensor, size: int, viewport: float, samples: int, half_depth: float
-) -> PlaneRays:
-    """Return the rays of a camera at `elevation` (B,) in `side_slices`, for `ray_samples` and `ray_sums`.
-
-    Their pixels come from the lowest to the highest. Both functions are differentiable in `elevation`.
-    """
-    plane = (slices.shape[1], slices.shape[3])
-    return PlaneRays(elevation - math.pi / 2, plane, size, viewport, samples, half_depth, (half_depth, 1.0))
+    return _Multiply.apply(_columns(volume), *matrix, adjoint)
 
 
 def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:

@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights, rising_rays, side_slices
+from ..ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights
+from ..ops.elevation import side_slices, slice_samples, slice_sums
 from ..ops.occupancy import absorption, any_occupied, capped_sum
 from ..ops.resampling import (
     depth_range,
@@ -46,7 +47,12 @@ class Silhouette(Projection):
         depth_samples: samples a ray (default: one a voxel). "any" and "alpha" depend on it, "absorption" does not.
         density: of "absorption": one full voxel absorbs 1 - exp(-density), at every resolution.
         distance: of the pinhole from the object's centre; the field of view is 2 atan(viewport / distance).
-        fast: use `ops.azimuth` for orthographic cameras at elevation 0: same values, 8 to 25 times faster.
+        fast: use `ops.azimuth` for orthographic cameras at elevation 0 (same values, 8 to 25 times faster), and
+            `ops.elevation` at others, where no gradient in the azimuth is asked for. Tilted views cost about three
+            level ones. They interpolate the volume in another order, so pixels differ from the reference: of chairs
+            at 32³ by 0.002 to 0.008 in the mean for "any" and "absorption", 0.02 for "alpha" (which jumps), by up to
+            0.25 at a rim below 30°, and more at the rims of single pixels seen steeply. "absorption" then counts all
+            of a ray, also farther than 1.5 from the centre. At elevation 0 they equal level views up to rounding.
 
     Raises:
         UserError: for an unknown rule or camera, a pinhole inside the sampled depth of ±1.5, or a volume, azimuth or
@@ -125,20 +131,21 @@ class Silhouette(Projection):
 
     def _project_tilted(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
         """Return nearly the values of `_project`, a few volumes at a time so that their slices stay in the cache."""
-        size, _, samples, _ = self._sampling(x)
+        size, *_ = self._sampling(x)
         few = max(1, _CACHED // (size * self._depths(x) * x.shape[2]))
         chunks = zip(*(part.split(few) for part in (x, azimuth, elevation)))
         return torch.cat([self._project_few(*chunk) for chunk in chunks])
 
     def _project_few(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
         size, viewport, samples, half_depth = self._sampling(x)
-        slices = side_slices(x, azimuth, size, viewport, self._depths(x), half_depth)
-        rays = rising_rays(elevation, slices, size, viewport, samples, half_depth)
-        if self.rule == "absorption":
-            rows = absorption(ray_sums(slices, rays).unsqueeze(-1), -1, self._density(x))
+        depths = self._depths(x)
+        slices = side_slices(x, azimuth, size, viewport, depths, half_depth)
+        if self.rule == "absorption" and depths == samples:
+            p = slice_sums(slices, elevation, size, viewport, half_depth).unsqueeze(2)
         else:
-            rows = _RULE[self.rule](ray_samples(slices, rays), 2)
-        return rows.flip(1, 2).unsqueeze(1)
+            p = slice_samples(slices, elevation, size, viewport, samples, half_depth)
+        y = absorption(p, 2, self._density(x)) if self.rule == "absorption" else _RULE[self.rule](p, 2)
+        return y.flip(1, 2).unsqueeze(1)
 
     def _depths(self, x: Tensor) -> int:
         """Return an odd multiple of the samples, at least one a voxel: the samples of level rays are among them."""
@@ -152,7 +159,7 @@ class Silhouette(Projection):
         return self.density * half_depth * resolution / samples
 
 
-_CACHED = 1_600_000
+_CACHED = 2_500_000
 """Values of slices at a time: as fast as one volume at a time for large volumes, as all of them for small ones."""
 
 _RULE = {"any": any_occupied, "alpha": capped_sum}
