@@ -11,11 +11,17 @@ from unproject.ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_hei
 
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 9))
 sampling = st.tuples(st.integers(1, 9), st.floats(0.2, 2.5), st.integers(1, 13), st.floats(0.5, 2))
+extents = st.tuples(st.floats(0.5, 2), st.floats(0.5, 2))
 azimuths = st.lists(st.floats(-7, 7), min_size=1, max_size=3)
 
 
-def rays_of(shape: tuple[int, int, int], sampling: tuple[int, float, int, float], azimuth: list[float]) -> PlaneRays:
-    return PlaneRays(torch.tensor(azimuth, dtype=torch.float64), (shape[0], shape[2]), *sampling)
+def rays_of(
+    shape: tuple[int, int, int],
+    sampling: tuple[int, float, int, float],
+    azimuth: list[float],
+    extent: tuple[float, float] = (1.0, 1.0),
+) -> PlaneRays:
+    return PlaneRays(torch.tensor(azimuth, dtype=torch.float64), (shape[0], shape[2]), *sampling, extent)
 
 
 def dense(gather, rows: int, columns: int) -> torch.Tensor:  # noqa: ANN001
@@ -25,9 +31,9 @@ def dense(gather, rows: int, columns: int) -> torch.Tensor:  # noqa: ANN001
 
 
 @settings(deadline=None, max_examples=60)
-@given(shapes, sampling, azimuths)
-def test_the_adjoint_is_the_transpose(shape, sampling, azimuth) -> None:  # noqa: ANN001
-    rays = rays_of(shape, sampling, azimuth)
+@given(shapes, sampling, azimuths, extents)
+def test_the_adjoint_is_the_transpose(shape, sampling, azimuth, extent) -> None:  # noqa: ANN001
+    rays = rays_of(shape, sampling, azimuth, extent)
     samples, places = len(azimuth) * rays.size * rays.samples, len(azimuth) * shape[0] * shape[2]
     A = dense(rays.forward(), samples, places)
     torch.testing.assert_close(dense(rays.adjoint(), places, samples), A.T, atol=1e-9, rtol=0)

@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 import torch
+import torch.nn.functional as F
 
 from unproject._random import generator_at
 from unproject._types import UserError
+from unproject.data import chairs
 from unproject.ops import rotate, visual_hull
 from unproject.ops.resampling import centres
 from unproject.projections.silhouette import CAMERAS, RULES, Silhouette, azimuth_bins, azimuth_elevation_bins
@@ -134,7 +136,7 @@ def test_at_viewport_one_it_is_the_rule_along_the_turned_volume() -> None:
     x = ball(16, 0.6) * torch.rand(1, 16, 16, 16, generator=generator_at(0))
     a, e = torch.tensor([0.7]), torch.tensor([0.3])
     expected = 1 - (1 - rotate(x, a, e)).prod(3)
-    y = Silhouette()(x, azimuth=a, elevation=e)
+    y = Silhouette(fast=False)(x, azimuth=a, elevation=e)
     torch.testing.assert_close(y[0, 0], expected[0].T.flip(0), atol=1e-4, rtol=0)
 
 
@@ -168,6 +170,100 @@ def test_the_fast_path_in_single_precision() -> None:
     for rule in ("any", "absorption"):
         quick, plain = (Silhouette(rule=rule, fast=fast)(x, azimuth=azimuth) for fast in (True, False))
         torch.testing.assert_close(quick, plain, atol=1e-4, rtol=0)
+
+
+def solids(name: str, size: int = 32) -> torch.Tensor:
+    """(12, N, N, N): chairs, or smooth random blobs."""
+    if name == "chairs":
+        return chairs(12, size).float()
+    coarse = torch.rand(12, 1, 6, 6, 6, generator=generator_at(0))
+    return F.interpolate(coarse, size=(size,) * 3, mode="trilinear")[:, 0] ** 4
+
+
+def views(low: float, high: float, count: int = 12) -> dict[str, torch.Tensor]:
+    """Azimuths all around, elevations between two angles in degrees, up and down in turn."""
+    azimuth, part = torch.rand(2, count, generator=generator_at(1))
+    elevation = torch.deg2rad(low + (high - low) * part)
+    return {"azimuth": azimuth * 2 * math.pi, "elevation": elevation * torch.tensor([1, -1]).repeat(count // 2)}
+
+
+MEANS = {
+    ("chairs", "any"): 0.008,
+    ("chairs", "alpha"): 0.03,
+    ("chairs", "absorption"): 0.008,
+    ("blobs", "any"): 0.008,
+    ("blobs", "alpha"): 0.05,
+    ("blobs", "absorption"): 0.004,
+}
+"""The largest mean difference of tilted views from the reference, for solids and rules."""
+
+
+@pytest.mark.parametrize("solid, rule", MEANS)
+@pytest.mark.parametrize("low, high", [(0, 30), (30, 60), (60, 90)])
+def test_tilted_views_are_nearly_the_reference(solid: str, rule: str, low: float, high: float) -> None:
+    x, theta = solids(solid), views(low, high)
+    quick, plain = (Silhouette(rule=rule, fast=fast)(x, **theta) for fast in (True, False))
+    difference = (quick - plain).abs()
+    assert difference.mean() < MEANS[solid, rule] and difference.mean((1, 2, 3)).max() < 3 * MEANS[solid, rule]
+    assert rule == "alpha" or (difference > 0.25).float().mean() < 1e-3
+    assert rule == "alpha" or low > 0 or difference.max() < 0.25
+
+
+@pytest.mark.parametrize("rule", ["any", "absorption"])
+def test_gradients_of_tilted_views_point_where_the_reference_does(rule: str) -> None:
+    x, theta = solids("blobs"), views(0, 60)
+    gradients = []
+    for fast in (True, False):
+        v, e = x.clone().requires_grad_(), theta["elevation"].clone().requires_grad_()
+        y = Silhouette(rule=rule, fast=fast)(v, azimuth=theta["azimuth"], elevation=e)
+        loss = (y * F.interpolate(torch.rand(12, 1, 4, 4, generator=generator_at(2)), size=y.shape[2:])).sum()
+        gradients.append(torch.autograd.grad(loss, (v, e)))
+    for quick, plain in zip(*gradients):
+        assert F.cosine_similarity(quick.flatten(), plain.flatten(), 0) > 0.97
+        assert 0.97 < quick.norm() / plain.norm() < 1.03
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("rule", RULES)
+def test_tilted_views_tend_to_level_ones(rule: str, options: dict[str, Any]) -> None:
+    """An elevation that requires a gradient takes the path of tilted views, also where it is 0."""
+    x = (torch.rand(3, 12, 10, 14, generator=generator_at(0)) ** 3).double()
+    azimuth = torch.rand(3, generator=generator_at(1)).double() * 7
+    silhouette = Silhouette(rule=rule, **options)
+    level = silhouette(x, azimuth=azimuth)
+    tilted = silhouette(x, azimuth=azimuth, elevation=torch.zeros(3).double().requires_grad_())
+    torch.testing.assert_close(tilted, level, atol=1e-9, rtol=0)
+    assert tilted.requires_grad
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("elevation", [-math.pi / 2, math.pi / 2])
+def test_from_the_top_and_from_below_it_is_the_reference(rule: str, elevation: float) -> None:
+    x = (torch.rand(4, 12, 12, 12, generator=generator_at(0)) ** 3).double()
+    theta = {"azimuth": torch.arange(4) * math.pi / 2, "elevation": torch.full((4,), elevation)}
+    quick, plain = (Silhouette(rule=rule, fast=fast)(x, **theta) for fast in (True, False))
+    torch.testing.assert_close(quick, plain, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_batch_may_mix_level_and_tilted_views_and_be_seen_in_parts(
+    rule: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x, silhouette = solids("blobs", 12)[:5], Silhouette(rule=rule)
+    theta = {"azimuth": torch.arange(5.0), "elevation": torch.tensor([0, 0.4, 0, -1.0, 1.5])}
+    together = silhouette(x, **theta)
+    alone = [silhouette(x[k : k + 1], **{name: value[k : k + 1] for name, value in theta.items()}) for k in range(5)]
+    torch.testing.assert_close(together, torch.cat(alone), atol=1e-5, rtol=0)
+    monkeypatch.setattr("unproject.projections.silhouette._CACHED", 2 * 12 * 18 * 12)
+    torch.testing.assert_close(silhouette(x, **theta), together, atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("rule", ["any", "absorption"])
+def test_tilted_views_are_differentiable_in_the_volume_and_the_elevation(rule: str) -> None:
+    x = torch.rand(2, 5, 4, 5, generator=generator_at(0)).double().requires_grad_()
+    e = torch.tensor([0.3, -1.2], dtype=torch.float64, requires_grad=True)
+    silhouette, azimuth = Silhouette(rule=rule, size=4, depth_samples=6), torch.tensor([0.3, 2.0])
+    assert torch.autograd.gradcheck(lambda x, e: silhouette(x, azimuth=azimuth, elevation=e), (x, e))
 
 
 def test_differentiable_in_the_view() -> None:

@@ -49,7 +49,7 @@ class MeanShapeInitialiser:
             side. Neighbouring pixels err together, so it is far above twice the variance of one.
         balance: how far the view distribution is moved to the uniform one, 0 (not) to 1.
 
-    Level views of 32² take some eight seconds of one core; tilted ones, which have no fast path, twelve times as long.
+    Level views of 32² take some eight seconds of one core; tilted ones about three times as long.
 
     References:
         EM with views as latent variables: Scheres et al. 2007; from no reference at all, by stochastic steps: Punjani

@@ -30,7 +30,10 @@ class Gather(NamedTuple):
 
 @dataclass(frozen=True)
 class PlaneRays:
-    """The rays in one horizontal plane of (X, Z) voxels: `size` pixels, each with `samples` samples, nearest first."""
+    """The rays in one plane of (X, Z) voxels: `size` pixels, each with `samples` samples, nearest first.
+
+    The plane is [-1, 1]², or [-extent, extent] in x and z each.
+    """
 
     azimuth: Tensor
     plane: tuple[int, int]
@@ -38,6 +41,7 @@ class PlaneRays:
     viewport: float
     samples: int
     half_depth: float
+    extent: tuple[float, float] = (1.0, 1.0)
 
     def forward(self) -> Gather:
         """Return A: each sample, (B size samples) rows, gathers the four places around it."""
@@ -68,16 +72,17 @@ class PlaneRays:
 
     def _positions(self, column: Tensor, sample: Tensor, c: Tensor, s: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
         """Return fractional voxel indices (x, z) of samples as two summands, one of the pixel and one of the sample."""
-        width, depth = self.plane
+        (width, depth), (half_width, half_length) = self.plane, self.extent
         u = self.viewport * ((column * 2 + 1 - self.size) / self.size)
         w = -self.half_depth * ((sample * 2 + 1 - self.samples) / self.samples)
-        of_column = ((u * c + 1) * width - 1) / 2, ((1 - u * s) * depth - 1) / 2
-        return of_column, (w * s * width / 2, w * c * depth / 2)
+        of_column = ((u * c / half_width + 1) * width - 1) / 2, ((1 - u * s / half_length) * depth - 1) / 2
+        return of_column, (w * s / half_width * width / 2, w * c / half_length * depth / 2)
 
     def _nearby(self, x: Tensor, z: Tensor, c: Tensor, s: Tensor) -> tuple[Tensor, Tensor]:
         """Return pixels, and samples, (n, Z, B, X), of a lattice that covers ±1 voxel, rotated, around each place."""
-        x, z = (x * 2 + 1) / self.plane[0] - 1, (z * 2 + 1) / self.plane[1] - 1
-        reach = 2 * math.sqrt(2) / min(self.plane)
+        (width, depth), (half_width, half_length) = self.plane, self.extent
+        x, z = half_width * ((x * 2 + 1) / width - 1), half_length * ((z * 2 + 1) / depth - 1)
+        reach = 2 * math.sqrt(2) / min(width / half_width, depth / half_length)
         column = _around((x * c - z * s) / self.viewport, reach / self.viewport, self.size)
         sample = _around(-(x * s + z * c) / self.half_depth, reach / self.half_depth, self.samples)
         return column, sample
@@ -115,20 +120,21 @@ def _around(position: Tensor, reach: float, count: int) -> Tensor:
 
 def ray_samples(volume: Tensor, rays: PlaneRays) -> Tensor:
     """Return the samples of all rays, (B, size, samples, Y), of `volume` (B, X, Y, Z)."""
-    values = _Multiply.apply(_columns(volume), rays.forward(), rays.adjoint)
-    return values.view(len(volume), rays.size, rays.samples, -1)
+    return multiply(volume, rays.forward(), rays.adjoint).view(len(volume), rays.size, rays.samples, -1)
 
 
 def ray_sums(volume: Tensor, rays: PlaneRays) -> Tensor:
     """Return the sum over each ray, (B, size, Y), without storing the samples."""
+    matrix = Gather(*(part.view(-1, 4 * rays.samples) for part in rays.forward()))
+    return multiply(volume, matrix, lambda: rays.adjoint(summed=True)).view(len(volume), rays.size, -1)
 
-    def summed() -> Gather:
-        index, weight = rays.forward()
-        return Gather(index.view(-1, 4 * rays.samples), weight.view(-1, 4 * rays.samples))
 
-    return _Multiply.apply(_columns(volume), summed(), lambda: rays.adjoint(summed=True)).view(
-        len(volume), rays.size, -1
-    )
+def multiply(volume: Tensor, matrix: Gather, adjoint: Callable[[], Gather]) -> Tensor:
+    """Return A V for `volume` (B, X, Y, Z): a row of Y values for each row of A. `adjoint` makes Aᵀ.
+
+    Differentiable in the volume, and once in the weights of A.
+    """
+    return _Multiply.apply(_columns(volume), *matrix, adjoint)
 
 
 def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:
@@ -150,11 +156,30 @@ class _Multiply(torch.autograd.Function):
     """A V by gathering rows, and its gradient Aᵀ g likewise: no sum depends on the order of threads."""
 
     @staticmethod
-    def forward(ctx: Any, table: Tensor, matrix: Gather, adjoint: Callable[[], Gather]) -> Tensor:
-        ctx.matrix, ctx.adjoint = matrix, adjoint
-        return F.embedding_bag(matrix.index, table, per_sample_weights=matrix.weight.to(table), mode="sum")
+    def forward(ctx: Any, table: Tensor, index: Tensor, weight: Tensor, adjoint: Callable[[], Gather]) -> Tensor:
+        ctx.index, ctx.adjoint = index, adjoint
+        ctx.save_for_backward(weight, *([table] if weight.requires_grad else []))
+        return _multiply(table, index, weight)
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
-        matrix = ctx.matrix
-        return _Multiply.apply(gradient.contiguous(), ctx.adjoint(), lambda: matrix), None, None
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, None, Tensor | None, None]:
+        (weight, *table), of_table, of_weight = ctx.saved_tensors, None, None
+        if ctx.needs_input_grad[0]:
+            matrix = Gather(ctx.index, weight)
+            of_table = _Multiply.apply(gradient.contiguous(), *ctx.adjoint(), lambda: matrix)
+        if ctx.needs_input_grad[2]:
+            of_weight = _weight_gradient(table[0], ctx.index, weight, gradient)
+        return of_table, None, of_weight, None
+
+
+def _multiply(table: Tensor, index: Tensor, weight: Tensor) -> Tensor:
+    return F.embedding_bag(index, table, per_sample_weights=weight.to(table), mode="sum")
+
+
+def _weight_gradient(table: Tensor, index: Tensor, weight: Tensor, gradient: Tensor) -> Tensor:
+    """Return ⟨V_index, g⟩ of each entry of A. PyTorch raises an error where its gradient is asked for in turn."""
+    again = torch.is_grad_enabled()
+    with torch.enable_grad():
+        weight = weight if again else weight.detach().requires_grad_()
+        product = _multiply(table, index, weight)
+    return torch.autograd.grad(product, weight, gradient, create_graph=again)[0]

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from .._types import UserError
 from ..ops.azimuth import PlaneRays, ray_samples, ray_sums, resample_heights
+from ..ops.elevation import side_slices, slice_samples, slice_sums
 from ..ops.occupancy import absorption, any_occupied, capped_sum
 from ..ops.resampling import (
     depth_range,
@@ -46,7 +47,12 @@ class Silhouette(Projection):
         depth_samples: samples a ray (default: one a voxel). "any" and "alpha" depend on it, "absorption" does not.
         density: of "absorption": one full voxel absorbs 1 - exp(-density), at every resolution.
         distance: of the pinhole from the object's centre; the field of view is 2 atan(viewport / distance).
-        fast: use `ops.azimuth` for orthographic cameras at elevation 0: same values, 8 to 25 times faster.
+        fast: use `ops.azimuth` for orthographic cameras at elevation 0 (same values, 8 to 25 times faster), and
+            `ops.elevation` at others, where no gradient in the azimuth is asked for. Tilted views cost about three
+            level ones. They interpolate the volume in another order, so pixels differ from the reference: of chairs
+            at 32³ by 0.002 to 0.008 in the mean for "any" and "absorption", 0.02 for "alpha" (which jumps), by up to
+            0.25 at a rim below 30°, and more at the rims of single pixels seen steeply. "absorption" then counts all
+            of a ray, also farther than 1.5 from the centre. At elevation 0 they equal level views up to rounding.
 
     Raises:
         UserError: for an unknown rule or camera, a pinhole inside the sampled depth of ±1.5, or a volume, azimuth or
@@ -90,12 +96,10 @@ class Silhouette(Projection):
             azimuth = azimuth.to(x)
             elevation = torch.zeros_like(azimuth) if elevation is None else elevation.to(x)
             _check(elevation.shape == azimuth.shape, f"give one elevation a volume, not {tuple(elevation.shape)}")
-            project = self._project_level if self._is_level(azimuth, elevation) else self._project
-            return project(x, azimuth, elevation)
-
-    def _is_level(self, azimuth: Tensor, elevation: Tensor) -> bool:
-        fixed = not (azimuth.requires_grad or elevation.requires_grad)
-        return self.fast and self.camera == "orthographic" and fixed and not bool(elevation.any())
+            if self.camera == "perspective" or not self.fast or azimuth.requires_grad:
+                return self._project(x, azimuth, elevation)
+            level = not elevation.requires_grad and not bool(elevation.any())
+            return (self._project_level if level else self._project_tilted)(x, azimuth, elevation)
 
     def _sampling(self, x: Tensor) -> tuple[int, float, int, float]:
         resolution = max(x.shape[1:])
@@ -125,12 +129,38 @@ class Silhouette(Projection):
             columns = _RULE[self.rule](ray_samples(x, rays), 2)
         return columns.transpose(1, 2).flip(1).unsqueeze(1)
 
+    def _project_tilted(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
+        """Return nearly the values of `_project`, a few volumes at a time so that their slices stay in the cache."""
+        size, *_ = self._sampling(x)
+        few = max(1, _CACHED // (size * self._depths(x) * x.shape[2]))
+        chunks = zip(*(part.split(few) for part in (x, azimuth, elevation)))
+        return torch.cat([self._project_few(*chunk) for chunk in chunks])
+
+    def _project_few(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
+        size, viewport, samples, half_depth = self._sampling(x)
+        depths = self._depths(x)
+        slices = side_slices(x, azimuth, size, viewport, depths, half_depth)
+        if self.rule == "absorption" and depths == samples:
+            p = slice_sums(slices, elevation, size, viewport, half_depth).unsqueeze(2)
+        else:
+            p = slice_samples(slices, elevation, size, viewport, samples, half_depth)
+        y = absorption(p, 2, self._density(x)) if self.rule == "absorption" else _RULE[self.rule](p, 2)
+        return y.flip(1, 2).unsqueeze(1)
+
+    def _depths(self, x: Tensor) -> int:
+        """Return an odd multiple of the samples, at least one a voxel: the samples of level rays are among them."""
+        _, _, samples, _ = self._sampling(x)
+        return samples * (math.ceil(depth_range(max(x.shape[1:]))[0] / samples) // 2 * 2 + 1)
+
     def _density(self, x: Tensor) -> float:
         """Return the density of a sample, from the density of a voxel."""
         resolution = max(x.shape[1:])
         samples, half_depth = depth_range(resolution, self.depth_samples)
         return self.density * half_depth * resolution / samples
 
+
+_CACHED = 2_500_000
+"""Values of slices at a time: as fast as one volume at a time for large volumes, as all of them for small ones."""
 
 _RULE = {"any": any_occupied, "alpha": capped_sum}
 
