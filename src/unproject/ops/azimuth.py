@@ -32,16 +32,18 @@ class Gather(NamedTuple):
 class PlaneRays:
     """The rays in one plane of (X, Z) voxels: `size` pixels, each with `samples` samples, nearest first.
 
-    The plane is [-1, 1]², or [-extent, extent] in x and z each.
+    The plane is [-1, 1]², or [-extent, extent] in x and z each. `viewport` is half the width that the pixels see, one
+    for all or (B,), and `offset` (B,) the middle of it.
     """
 
     azimuth: Tensor
     plane: tuple[int, int]
     size: int
-    viewport: float
+    viewport: float | Tensor
     samples: int
     half_depth: float
     extent: tuple[float, float] = (1.0, 1.0)
+    offset: Tensor | None = None
 
     def forward(self) -> Gather:
         """Return A: each sample, (B size samples) rows, gathers the four places around it."""
@@ -73,7 +75,7 @@ class PlaneRays:
     def _positions(self, column: Tensor, sample: Tensor, c: Tensor, s: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
         """Return fractional voxel indices (x, z) of samples as two summands, one of the pixel and one of the sample."""
         (width, depth), (half_width, half_length) = self.plane, self.extent
-        u = self.viewport * ((column * 2 + 1 - self.size) / self.size)
+        u = _per_item(self.viewport, c) * ((column * 2 + 1 - self.size) / self.size) + self._offset(c)
         w = -self.half_depth * ((sample * 2 + 1 - self.samples) / self.samples)
         of_column = ((u * c / half_width + 1) * width - 1) / 2, ((1 - u * s / half_length) * depth - 1) / 2
         return of_column, (w * s / half_width * width / 2, w * c / half_length * depth / 2)
@@ -83,12 +85,22 @@ class PlaneRays:
         (width, depth), (half_width, half_length) = self.plane, self.extent
         x, z = half_width * ((x * 2 + 1) / width - 1), half_length * ((z * 2 + 1) / depth - 1)
         reach = 2 * math.sqrt(2) / min(width / half_width, depth / half_length)
-        column = _around((x * c - z * s) / self.viewport, reach / self.viewport, self.size)
+        viewport = _per_item(self.viewport, c)
+        least = float(torch.as_tensor(self.viewport).min())
+        column = _around((x * c - z * s - self._offset(c)) / viewport, reach / least, self.size)
         sample = _around(-(x * s + z * c) / self.half_depth, reach / self.half_depth, self.samples)
         return column, sample
 
+    def _offset(self, like: Tensor) -> Tensor | float:
+        return 0.0 if self.offset is None else _per_item(self.offset, like)
+
     def _range(self, count: int) -> Tensor:
         return torch.arange(count, dtype=self.azimuth.dtype, device=self.azimuth.device)
+
+
+def _per_item(value: float | Tensor, like: Tensor) -> Any:
+    """Return one value for all as it is, and values (B,) in the shape (B, 1, ...) of `like`."""
+    return value.view_as(like) if isinstance(value, Tensor) else value
 
 
 def _gather(row: Tensor, weight: Tensor) -> Gather:
@@ -137,14 +149,23 @@ def multiply(volume: Tensor, matrix: Gather, adjoint: Callable[[], Gather]) -> T
     return _Multiply.apply(_columns(volume), *matrix, adjoint)
 
 
-def resample_heights(volume: Tensor, size: int, viewport: float) -> Tensor:
-    """Interpolate linearly along y to `size` heights, the pixel centres of [-viewport, viewport]; zero outside."""
+def resample_heights(volume: Tensor, size: int, viewport: float | Tensor, offset: Tensor | None = None) -> Tensor:
+    """Interpolate linearly along y to `size` heights, the pixel centres of offset ± viewport; zero outside.
+
+    Args:
+        viewport: half the height that is seen, one for all or (B,).
+        offset: (B,), the middle of it (default: 0).
+    """
     count = volume.shape[2]
-    if viewport == 1 and size == count:
+    if isinstance(viewport, float | int) and viewport == 1 and offset is None and size == count:
         return volume
-    position = ((viewport * centres(size, volume) + 1) * count - 1) / 2
-    weight = _hat(position[:, None] - torch.arange(count, device=volume.device))
-    return torch.einsum("bxyz,hy->bxhz", volume, weight)
+    height = centres(size, volume)
+    if isinstance(viewport, Tensor):
+        height = viewport[:, None] * height + (0.0 if offset is None else offset[:, None])
+    else:
+        height = viewport * height
+    weight = _hat((((height + 1) * count - 1) / 2)[..., None] - torch.arange(count, device=volume.device))
+    return torch.einsum("bxyz,bhy->bxhz" if weight.dim() == 3 else "bxyz,hy->bxhz", volume, weight)
 
 
 def _columns(volume: Tensor) -> Tensor:

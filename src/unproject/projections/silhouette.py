@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import torch
 from torch import Tensor
@@ -32,6 +32,14 @@ from .priors import Bins, Product, Uniform
 Rule: TypeAlias = Literal["any", "alpha", "absorption"]
 Camera: TypeAlias = Literal["orthographic", "perspective"]
 RULES, CAMERAS = get_args(Rule), get_args(Camera)
+
+
+class Window(NamedTuple):
+    """What a camera sees of the plane through the centre: `viewport`, or (B,), to all sides of (right, up), (B,)."""
+
+    viewport: float | Tensor
+    right: Tensor | None = None
+    up: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,10 @@ class Silhouette(Projection):
 
     def forward(self, x: Tensor, *, azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
         """Return the silhouettes (B, 1, size, size) of x (B, X, Y, Z) from azimuth and elevation (B,), radians."""
+        return self.seen(x, azimuth, elevation)
+
+    def seen(self, x: Tensor, azimuth: Tensor, elevation: Tensor | None = None, window: Window | None = None) -> Tensor:
+        """Return the silhouettes in a window of each picture (default: the viewport); windows take level views."""
         _check(x.dim() == 4, f"a volume has the shape (B, X, Y, Z), not {tuple(x.shape)}")
         _check(azimuth.shape == x.shape[:1], f"give one azimuth a volume: ({len(x)},), not {tuple(azimuth.shape)}")
         with torch.autocast(x.device.type, enabled=False):
@@ -98,8 +110,9 @@ class Silhouette(Projection):
             _check(elevation.shape == azimuth.shape, f"give one elevation a volume, not {tuple(elevation.shape)}")
             if self.camera == "perspective" or not self.fast or azimuth.requires_grad:
                 return self._project(x, azimuth, elevation)
-            level = not elevation.requires_grad and not bool(elevation.any())
-            return (self._project_level if level else self._project_tilted)(x, azimuth, elevation)
+            if not elevation.requires_grad and not bool(elevation.any()):
+                return self._project_level(x, azimuth, window or Window(self.viewport))
+            return self._project_tilted(x, azimuth, elevation)
 
     def _sampling(self, x: Tensor) -> tuple[int, float, int, float]:
         resolution = max(x.shape[1:])
@@ -117,12 +130,13 @@ class Silhouette(Projection):
         y = absorption(p, -1, density) if self.rule == "absorption" else _RULE[self.rule](p, -1)
         return y.unsqueeze(1)
 
-    def _project_level(self, x: Tensor, azimuth: Tensor, _: Tensor) -> Tensor:
+    def _project_level(self, x: Tensor, azimuth: Tensor, window: Window) -> Tensor:
         """Return the values of `_project` at elevation 0."""
-        size, viewport, samples, half_depth = self._sampling(x)
-        rays = PlaneRays(azimuth, (x.shape[1], x.shape[3]), size, viewport, samples, half_depth)
+        size, _, samples, half_depth = self._sampling(x)
+        plane = (x.shape[1], x.shape[3])
+        rays = PlaneRays(azimuth, plane, size, window.viewport, samples, half_depth, offset=window.right)
         density = self._density(x)
-        x = resample_heights(x, size, viewport)
+        x = resample_heights(x, size, window.viewport, window.up)
         if self.rule == "absorption":
             columns = absorption(ray_sums(x, rays).unsqueeze(-1), -1, density)
         else:

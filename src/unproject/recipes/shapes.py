@@ -84,7 +84,7 @@ def shapes(
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection = silhouettes_of(data, views, silhouette_views(silhouette, bins, bands), views_per_shape, binary, seed)
     fill = fill_of(collection)
-    observations = silhouette_views(silhouette if fill is None else Cropped(silhouette, size, fill), bins, bands)
+    observations = silhouette_views(silhouette if fill is None else Cropped(silhouette, fill), bins, bands)
     mirrored = mirrored_views(bins, bands) if mirror else None
     predicted = jointly_predicted(rounds, balance, information, mirrored, init_views)
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
