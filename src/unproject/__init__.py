@@ -53,7 +53,9 @@ _HOME = {
     "R1R2": "unproject.adversarial.penalties",
     "GradientPenalty": "unproject.adversarial.penalties",
     "Augmentation": "unproject.adversarial.augmentation",
+    "Affine": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
+    "Sometimes": "unproject.adversarial.augmentation",
     "Solid": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
     "Collection": "unproject.data",
@@ -112,8 +114,10 @@ if TYPE_CHECKING:
     from . import recipes as recipes
     from . import testing as testing
     from ._types import UserError as UserError
+    from .adversarial.augmentation import Affine as Affine
     from .adversarial.augmentation import Augmentation as Augmentation
     from .adversarial.augmentation import Shift as Shift
+    from .adversarial.augmentation import Sometimes as Sometimes
     from .adversarial.losses import Hinge as Hinge
     from .adversarial.losses import Logistic as Logistic
     from .adversarial.losses import Loss as Loss

@@ -1,12 +1,13 @@
 """Adversarial training: losses, gradient penalties, augmentation of images, regularisers of samples."""
 
-from .augmentation import Augmentation, Shift
+from .augmentation import Affine, Augmentation, Shift, Sometimes
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
 from .regularisers import Solid
 
 __all__ = [
     "R1R2",
+    "Affine",
     "Augmentation",
     "GradientPenalty",
     "Hinge",
@@ -16,5 +17,6 @@ __all__ = [
     "Relativistic",
     "Shift",
     "Solid",
+    "Sometimes",
     "Wasserstein",
 ]
