@@ -53,6 +53,7 @@ _HOME = {
     "R1R2": "unproject.adversarial.penalties",
     "GradientPenalty": "unproject.adversarial.penalties",
     "Augmentation": "unproject.adversarial.augmentation",
+    "Adaptive": "unproject.adversarial.adaptive",
     "Affine": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
     "Sometimes": "unproject.adversarial.augmentation",
@@ -114,6 +115,7 @@ if TYPE_CHECKING:
     from . import recipes as recipes
     from . import testing as testing
     from ._types import UserError as UserError
+    from .adversarial.adaptive import Adaptive as Adaptive
     from .adversarial.augmentation import Affine as Affine
     from .adversarial.augmentation import Augmentation as Augmentation
     from .adversarial.augmentation import Shift as Shift

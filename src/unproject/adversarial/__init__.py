@@ -1,14 +1,17 @@
 """Adversarial training: losses, gradient penalties, augmentation of images, regularisers of samples."""
 
-from .augmentation import Affine, Augmentation, Shift, Sometimes
+from .adaptive import Adaptive
+from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
 from .regularisers import Solid
 
 __all__ = [
     "R1R2",
+    "Adaptive",
     "Affine",
     "Augmentation",
+    "AugmentationState",
     "GradientPenalty",
     "Hinge",
     "Logistic",

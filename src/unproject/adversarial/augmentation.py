@@ -1,13 +1,17 @@
-"""Augmentation: random changes of all images that discriminators receive, against overfitting to few real images."""
+"""Augmentation: random changes of all images that discriminators receive, against overfitting to few real images.
+
+An `Augmentation` is a frozen setting; `begin()` makes its `AugmentationState`, which is part of the checkpoint.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 import torch.nn.functional as F
-from torch import Tensor
+from torch import Tensor, nn
 
 from .._types import UserError
 from ..ops.resampling import centres
@@ -18,6 +22,9 @@ class Augmentation(ABC):
 
     The discriminator receives T(y) and T(P(G(z))) only. If T maps no two distributions of images to the same one, the
     generator still learns the distribution of unchanged images: T does not leak.
+
+    Attributes:
+        adaptive: whether its state follows the overfitting, for which panels need held-out images.
 
     References:
         Zhao et al. 2020, Differentiable Augmentation for Data-Efficient GAN Training.
@@ -33,9 +40,38 @@ class Augmentation(ABC):
         torch.Size([4, 1, 8, 8])
     """
 
+    adaptive: ClassVar[bool] = False
+
     @abstractmethod
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
         """Return T(images), of the same shape (B, C, ...); each image has its own draw."""
+
+    def begin(self) -> AugmentationState:
+        """Return the state at the start of a run, of one panel."""
+        return AugmentationState(self)
+
+
+class AugmentationState(nn.Module):
+    """An augmentation in one panel of a run; its `state_dict` is part of the checkpoint. This one stays as it is."""
+
+    def __init__(self, settings: Augmentation) -> None:
+        super().__init__()
+        self.settings = settings
+
+    def forward(self, images: Tensor, rng: torch.Generator) -> Tensor:
+        """Return T(images) as of now."""
+        return self.settings(images, rng)
+
+    def due(self, draw: int) -> bool:
+        """Whether overfitting is measured at this update of the discriminators."""
+        return False
+
+    def adapt(self, train: float, held_out: float, generated: float, progress: float) -> None:
+        """Take over the discriminator's mean logits of these images, at `progress`, 0 to 1, of the budget."""
+
+    def log(self) -> dict[str, Any]:
+        """Return fields for the lines of the log."""
+        return {}
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from torch.optim import Adam as TorchAdam
 
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
+from ..adversarial.augmentation import AugmentationState
 from ..assignment import AssignmentState, Panel
 from ..data.sampling import batch_rows
 from ..domains import Domain, domain_of
@@ -37,11 +38,12 @@ class Counters:
 
 @dataclass
 class PanelState:
-    """A panel in training: its discriminator, its assignment, and the norm of its loss's gradient (see `balancing`)."""
+    """A panel in training: discriminator, assignment, augmentation, and its loss's gradient norm (see `balancing`)."""
 
     panel: Panel
     discriminator: nn.Module
     assignment: AssignmentState
+    augmentation: AugmentationState | None = None
     gradient_norm: float = 1.0
 
     def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
@@ -59,7 +61,7 @@ class State:
             self._build_networks(recipe)
             assignments = begin_assignments(recipe)
         self.panels = [
-            PanelState(panel, discriminator, assignment.to(device))
+            PanelState(panel, discriminator, assignment.to(device), recipe.augmentation and recipe.augmentation.begin())
             for panel, discriminator, assignment in zip(recipe.panels, self.discriminators, assignments, strict=True)
         ]
         self.domain: Domain = domain_of(self.generator, recipe.domain)
@@ -100,6 +102,8 @@ class State:
         yield "discriminators", self.discriminators
         for i, panel in enumerate(self.panels):
             yield f"panels/{i}/assignment", panel.assignment
+            if panel.augmentation is not None:
+                yield f"panels/{i}/augmentation", panel.augmentation
 
     def optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
         yield "generator_optimiser", self.generator_optimiser
