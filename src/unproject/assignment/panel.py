@@ -201,6 +201,10 @@ class AssignmentState(nn.Module):
         """
         return self.panel.project(x, self.views[rows], rng)
 
+    def take_over(self, tensors: dict[str, Tensor]) -> bool:
+        """Begin with what another run's state of this panel, its `state_dict`, has learned; return whether it fits."""
+        return False
+
     def before_step(self, run: Context) -> bool:
         """Do what is due before a step; False if interrupted, and then called again to continue."""
         return True

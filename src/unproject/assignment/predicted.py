@@ -125,7 +125,7 @@ class PredictedState(AssignmentState):
 
     def before_step(self, run: Context) -> bool:
         initialiser = self.settings.initialiser
-        if initialiser is not None and run.step == 0 and self.round == 0:
+        if initialiser is not None and run.step == 0 and self.round == 0 and not self.heads.any():  # none is assigned
             seed = derived_seed(self.seed, 0, "assignment")
             found = initialiser(self.panel.observations, torch.cat([part.floats() for part in self._parts()]), seed)
             self._assign(run, found, seed, event="initialised")
@@ -136,6 +136,25 @@ class PredictedState(AssignmentState):
             return True
         self._begin_round(due, run)
         return self._continue_round(run)
+
+    def take_over(self, tensors: dict[str, Tensor]) -> bool:
+        """Take over a fitted predictor of the same shape, and assign the images by it at once.
+
+        Raises:
+            UserError: if round 1 throws the networks away.
+        """
+        if self.settings.rounds.restart:
+            raise UserError("this recipe starts from new weights after round 1; take one without Rounds(restart=True)")
+        prefix = "predictor."
+        stored = {name.removeprefix(prefix): v for name, v in tensors.items() if name.startswith(prefix)}
+        shapes = {name: v.shape for name, v in stored.items()}
+        own = {name: v.shape for name, v in self.predictor.state_dict().items()}
+        if shapes != own or not tensors["round"] > 0:
+            return False
+        self.predictor.load_state_dict(stored)
+        found = self.settings.estimator.responsibilities(self._probabilities())
+        self._take(*self.settings.estimator.assign(found, derived_seed(self.seed, 0, "assignment")))
+        return True
 
     def _begin_round(self, due: int, run: Context) -> None:
         if self.settings.fit.fresh:

@@ -135,7 +135,7 @@ class State:
         for prefix, module in self.modules():
             load_module(module, tensors, prefix)
         for prefix, optimiser in self.optimisers():  # an assignment says which it has once its module is loaded
-            _load_optimiser(optimiser, _strip(tensors, prefix))
+            _load_optimiser(optimiser, stripped(tensors, prefix))
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
 
@@ -148,7 +148,7 @@ def begin_assignments(recipe: Recipe) -> list[AssignmentState]:
 
 def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> None:
     """Load what is stored under `prefix`. Raises UserError if names or shapes are not the module's."""
-    own = _strip(tensors, prefix)
+    own = stripped(tensors, prefix)
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
         raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it belongs to another run")
     module.load_state_dict(own)
@@ -163,8 +163,10 @@ def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
     return TorchAdam(module.parameters(), settings.rate, (settings.beta1, settings.beta2))
 
 
-def _strip(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {k.removeprefix(f"{prefix}/"): v for k, v in tensors.items() if k.startswith(f"{prefix}/")}
+def stripped(tensors: dict[str, Tensor], prefix: str, further: str = "") -> dict[str, Tensor]:
+    """Return what is stored under `prefix`, by the names within it; of these only those that begin with `further`."""
+    start = f"{prefix}/{further}"
+    return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}
 
 
 def _optimiser_tensors(optimiser: TorchAdam) -> dict[str, Tensor]:
