@@ -54,10 +54,13 @@ _HOME = {
     "R1R2": "unproject.adversarial.penalties",
     "GradientPenalty": "unproject.adversarial.penalties",
     "Augmentation": "unproject.adversarial.augmentation",
+    "Adaptive": "unproject.adversarial.adaptive",
+    "Affine": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
     "Connected": "unproject.adversarial.regularisers",
     "Inside": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
+    "Sometimes": "unproject.adversarial.augmentation",
     "Solid": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
     "Collection": "unproject.data",
@@ -116,8 +119,11 @@ if TYPE_CHECKING:
     from . import recipes as recipes
     from . import testing as testing
     from ._types import UserError as UserError
+    from .adversarial.adaptive import Adaptive as Adaptive
+    from .adversarial.augmentation import Affine as Affine
     from .adversarial.augmentation import Augmentation as Augmentation
     from .adversarial.augmentation import Shift as Shift
+    from .adversarial.augmentation import Sometimes as Sometimes
     from .adversarial.losses import Hinge as Hinge
     from .adversarial.losses import Logistic as Logistic
     from .adversarial.losses import Loss as Loss

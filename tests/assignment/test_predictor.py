@@ -122,3 +122,13 @@ def test_rounds_are_due_from_their_starts_on(starts: tuple[float, ...]) -> None:
     rounds = Rounds(starts)
     assert rounds.due(0.0) == 0 and rounds.due(1.0) == len(starts)
     assert rounds.due(0.5) == sum(start <= 0.5 for start in starts)
+
+
+def test_probabilities_are_of_each_image_alone() -> None:
+    """A predictor that was just loaded is in training mode, whose statistics are the batch's."""
+    predictor, images = ViewPredictor((1, 16, 16), 3, channels=4), torch.rand(6, 1, 16, 16)
+    before = {name: value.clone() for name, value in predictor.state_dict().items()}
+    fit = PredictorFit()
+    whole = fit.probabilities(predictor, [images])
+    assert torch.allclose(fit.probabilities(predictor, images.split(1)), whole, atol=1e-6)
+    assert all(torch.equal(before[name], value) for name, value in predictor.state_dict().items())

@@ -1,13 +1,17 @@
 """Adversarial training: losses, gradient penalties, augmentation of images, regularisers of samples."""
 
-from .augmentation import Augmentation, Shift
+from .adaptive import Adaptive
+from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
 from .regularisers import Connected, Inside, Regulariser, Regularisers, Solid
 
 __all__ = [
     "R1R2",
+    "Adaptive",
+    "Affine",
     "Augmentation",
+    "AugmentationState",
     "Connected",
     "GradientPenalty",
     "Hinge",
@@ -20,5 +24,6 @@ __all__ = [
     "Relativistic",
     "Shift",
     "Solid",
+    "Sometimes",
     "Wasserstein",
 ]

@@ -89,6 +89,12 @@ class LearnedPriorState(AssignmentState):
             return self.panel.project(x, u.argmax(1).cpu(), rng)
         return project_softly(lambda some, views: self.panel.project(some, views, rng), x, u, self.settings.images)
 
+    def take_over(self, tensors: dict[str, Tensor]) -> bool:
+        fits = "logits" in tensors and tensors["logits"].shape == self.logits.shape
+        if fits:
+            self.load_state_dict({"logits": tensors["logits"]}, strict=False)
+        return fits
+
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the weight times log K minus the entropy of p."""
         p = self.shares

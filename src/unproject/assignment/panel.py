@@ -70,6 +70,8 @@ class Panel:
         weight: factor of this panel's loss in the loss of the generator.
         penalty_scale: factor of the recipe's gradient penalty; above 1 where few images show many objects, which the
             discriminator would memorise.
+        held_out: images of all observations that the discriminator never trains on, to measure its overfitting by
+            (`Collection.split`; `Adaptive`).
 
     Raises:
         UserError: if observations differ in their projections, collections in the shape of their items, or their
@@ -89,6 +91,7 @@ class Panel:
     assignment: Assignment = field(default_factory=lambda: Known())
     weight: float = 1.0
     penalty_scale: float = 1.0
+    held_out: Collection | None = field(default=None, metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "observations", tuple(self.observations))
@@ -107,7 +110,8 @@ class Panel:
                 f"panel of {names}: {len(self.collections)} collections for {len(self.observations)} observations; "
                 "give one for all, or one for each"
             )
-        if len({tuple(c.items.shape[1:]) for c in self.collections}) > 1:
+        held_out = () if self.held_out is None else (self.held_out,)
+        if len({tuple(c.items.shape[1:]) for c in (*self.collections, *held_out)}) > 1:
             raise UserError(f"panel of {names}: its images differ in size; give each size a panel of its own")
         for name in ("weight", "penalty_scale"):
             if not 0 < getattr(self, name) < math.inf:
@@ -158,6 +162,7 @@ class AssignmentState(nn.Module):
     Attributes:
         views: (N,) the observation of each image.
         heads: (N,) the discriminator's head for each image.
+        held_out_heads: (M,) the head for each image that is held out, if the panel has such; at first 0.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
 
     Examples:
@@ -171,6 +176,7 @@ class AssignmentState(nn.Module):
 
     views: Tensor
     heads: Tensor
+    held_out_heads: Tensor
     fixes_gauge: bool = False
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor) -> None:
@@ -178,6 +184,8 @@ class AssignmentState(nn.Module):
         self.panel = panel
         self.register_buffer("views", views)
         self.register_buffer("heads", heads)
+        if panel.held_out is not None:
+            self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=torch.long))
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> AssignmentState:
         """Move parameters and modules only: what is assigned stays on the CPU, where rows are drawn."""
@@ -192,6 +200,10 @@ class AssignmentState(nn.Module):
         Called with gradients off where only discriminators are updated.
         """
         return self.panel.project(x, self.views[rows], rng)
+
+    def take_over(self, tensors: dict[str, Tensor]) -> bool:
+        """Begin with what another run's state of this panel, its `state_dict`, has learned; return whether it fits."""
+        return False
 
     def before_step(self, run: Context) -> bool:
         """Do what is due before a step; False if interrupted, and then called again to continue."""
@@ -253,6 +265,8 @@ class Known(Assignment):
             views = torch.arange(len(counts)).repeat_interleave(counts)
         state = AssignmentState(panel, views, views.clone())
         state.fixes_gauge = len(panel.observations) > 1
+        if panel.held_out is not None and len(panel.observations) > 1:
+            state.held_out_heads.copy_(views_of(panel.held_out, panel.observations))
         return state
 
 

@@ -20,6 +20,7 @@ from torch import Tensor
 
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
+from ..data import Collection
 from ..metrics import Score
 from ..projections.observation import Observation
 from .context import Context
@@ -124,9 +125,9 @@ class PredictedState(AssignmentState):
 
     def before_step(self, run: Context) -> bool:
         initialiser = self.settings.initialiser
-        if initialiser is not None and run.step == 0 and self.round == 0:
+        if initialiser is not None and run.step == 0 and self.round == 0 and not self.heads.any():  # none is assigned
             seed = derived_seed(self.seed, 0, "assignment")
-            found = initialiser(self.panel.observations, self.panel.collections[0].floats(), seed)
+            found = initialiser(self.panel.observations, torch.cat([part.floats() for part in self._parts()]), seed)
             self._assign(run, found, seed, event="initialised")
         if self.fitting:
             return self._continue_round(run)
@@ -135,6 +136,25 @@ class PredictedState(AssignmentState):
             return True
         self._begin_round(due, run)
         return self._continue_round(run)
+
+    def take_over(self, tensors: dict[str, Tensor]) -> bool:
+        """Take over a fitted predictor of the same shape, and assign the images by it at once.
+
+        Raises:
+            UserError: if round 1 throws the networks away.
+        """
+        if self.settings.rounds.restart:
+            raise UserError("this recipe starts from new weights after round 1; take one without Rounds(restart=True)")
+        prefix = "predictor."
+        stored = {name.removeprefix(prefix): v for name, v in tensors.items() if name.startswith(prefix)}
+        shapes = {name: v.shape for name, v in stored.items()}
+        own = {name: v.shape for name, v in self.predictor.state_dict().items()}
+        if shapes != own or not tensors["round"] > 0:
+            return False
+        self.predictor.load_state_dict(stored)
+        found = self.settings.estimator.responsibilities(self._probabilities())
+        self._take(*self.settings.estimator.assign(found, derived_seed(self.seed, 0, "assignment")))
+        return True
 
     def _begin_round(self, due: int, run: Context) -> None:
         if self.settings.fit.fresh:
@@ -198,25 +218,38 @@ class PredictedState(AssignmentState):
     def _assign(self, run: Context, responsibilities: Tensor, seed: int, **fields: object) -> None:
         views, heads = self.settings.estimator.assign(responsibilities, seed)
         run.synchronise([views, heads])
-        self.views.copy_(views)
-        self.heads.copy_(heads)
-        counts = torch.bincount(views, minlength=len(self.panel.observations)).tolist()
+        self._take(views, heads)
+        counts = torch.bincount(self.views, minlength=len(self.panel.observations)).tolist()
         run.record(**fields, views=counts)
+
+    def _take(self, views: Tensor, heads: Tensor) -> None:
+        """Take over views and heads of the panel's images and of those held out."""
+        count = len(self.panel)
+        self.views.copy_(views[:count])
+        self.heads.copy_(heads[:count])
+        if self.panel.held_out is not None:
+            self.held_out_heads.copy_(heads[count:])
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:
         if self.fitting and self.adam is None:  # as after loading the state of an interrupted fit
             self.adam = self.settings.fit.optimiser(self.predictor)
         return {} if self.adam is None else {"adam": self.adam}
 
+    def _parts(self) -> list[Collection]:
+        """Return the panel's images, and those held out if there are any: views of both are predicted."""
+        held_out = self.panel.held_out
+        return [self.panel.collections[0], *([] if held_out is None else [held_out])]
+
     def _probabilities(self) -> Tensor:
-        """Return the predictor's probabilities of the panel's images, (N, K)."""
-        collection = self.panel.collections[0]
-        batches = (collection.batch(rows) for rows in torch.arange(len(collection)).split(PREDICTED_AT_ONCE))
+        """Return the predictor's probabilities of the panel's images, then of those held out, (N + M, K)."""
+        batches = (
+            part.batch(rows) for part in self._parts() for rows in torch.arange(len(part)).split(PREDICTED_AT_ONCE)
+        )
         return self.settings.fit.probabilities(self.predictor, batches)
 
     def checks(self) -> dict[str, Score]:
         """Return what the predictor knows of views, I(k; y) = H(mean p) - mean H(p), and how many are used."""
-        p = self._probabilities()
+        p = self._probabilities()[: len(self.panel)]
         n, count = p.shape
         used = torch.bincount(self.views, minlength=count) / n
         return {

@@ -106,6 +106,7 @@ class PredictorFit:
     @torch.no_grad()
     def probabilities(self, predictor: nn.Module, batches: Iterable[Tensor]) -> Tensor:
         """Return the probability of every view for each image, (N, K), on the CPU."""
+        predictor.eval()  # one that was just loaded is in training mode
         device = next(predictor.parameters()).device
         return torch.cat([self._of_batch(predictor, self.prepared(part).to(device)).cpu() for part in batches])
 

@@ -21,6 +21,7 @@ def run(
     /,
     *,
     out: Path | None = None,
+    from_: Path | None = None,
     device: Literal["auto", "cpu", "cuda"] = "auto",
     threads: int | None = None,
     quiet: bool = False,
@@ -32,6 +33,7 @@ def run(
 
     Args:
         out: the run directory to make (default: runs/RECIPE-SEED).
+        from_: a run whose weights to start from, to fine-tune its generator on other data (default: random weights).
         device: where to compute.
         threads: processor threads (default: all cores).
         quiet: no progress bar.
@@ -45,7 +47,7 @@ def run(
     _estimate(recipe, device)
     name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
     out = out or Path("runs") / f"{name}-{recipe.seed}"
-    finished = train(recipe, out, device=device, quiet=quiet)
+    finished = train(recipe, out, start=from_, device=device, quiet=quiet)
     if not finished.step:
         say(f"{out}: stopped before the first step was done; unproject resume {out} starts again")
         return

@@ -31,6 +31,7 @@ from .readers.paths import find
 from .readers.photographs import find_photographs
 from .readers.shapes import UpAxis, find_volumes
 from .readers.textures import Convention, find_materials
+from .splitting import split_rows
 
 PathLike = str | os.PathLike[str]
 Rows = Tensor | Sequence[int] | slice
@@ -232,6 +233,18 @@ class Collection:
         return type(self)(
             picked, names=names, latents=known, skipped=self.skipped, source=self.source, white=self.white
         )
+
+    def split(self, share: float = 0.1, seed: int = 0) -> tuple[Self, Self]:
+        """Return (training items, held-out items), both in order; the same seed gives the same.
+
+        Whole groups are held out, drawn at random: what is rendered of one shape (`chair_00012#0`, `#1`, ...), or else
+        up to 16 neighbours. They are `share` of all groups, but eight at least, and of less than 32 groups a quarter.
+
+        Raises:
+            UserError: for a share that is not between 0 and 1, or a collection of a single group.
+        """
+        kept, held_out = split_rows(self.names, share, seed, self.source)
+        return self.subset(kept), self.subset(held_out)
 
     def warn_skipped(self) -> Self:
         """Warn of the files that are not used, if there are any; return the collection."""

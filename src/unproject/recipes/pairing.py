@@ -17,8 +17,21 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Literal
 
+import torch
+
 from .._types import UserError
-from ..assignment import Estimator, Known, LearnedPrior, Panel, Predicted, PredictorFit, Rounds, Unassigned, by_view
+from ..assignment import (
+    Estimator,
+    Known,
+    LearnedPrior,
+    Panel,
+    Predicted,
+    PredictorFit,
+    Rounds,
+    Unassigned,
+    by_view,
+    views_of,
+)
 from ..data import Collection
 from ..networks import ViewPredictor
 from ..projections.base import Identity
@@ -31,19 +44,29 @@ LEAST_STEPS = 10
 
 
 def panel_of(
-    views: Views, observations: Sequence[Observation], collection: Collection, predicted: Predicted | None = None
+    views: Views,
+    observations: Sequence[Observation],
+    collection: Collection,
+    predicted: Predicted | None = None,
+    held_out: Collection | None = None,
 ) -> Panel:
     """Return the panel of these observations; for direct training `collection` holds the samples themselves.
 
     Args:
         predicted: the assignment of predicted views (default: `frequent_rounds(40, 0.8)`).
+        held_out: images that discriminators never train on, as of `collection.split`. Known views of which there are
+            no others have no head, so their images are left out.
     """
     if views == "direct":
-        return Panel([Observation("itself", Identity())], collection)
+        return Panel([Observation("itself", Identity())], collection, held_out=held_out)
     if views == "known":
-        return Panel(*by_view(collection, observations), Known())
+        if held_out is not None:
+            seen = views_of(collection, observations)
+            held_out = held_out.subset(torch.isin(views_of(held_out, observations), seen).nonzero()[:, 0])
+        return Panel(*by_view(collection, observations), Known(), held_out=held_out)
     unknown = {"learned": LearnedPrior(), "single": Unassigned()}
-    return Panel(observations, collection, unknown.get(views) or predicted or frequent_rounds(40, 0.8))
+    assignment = unknown.get(views) or predicted or frequent_rounds(40, 0.8)
+    return Panel(observations, collection, assignment, held_out=held_out)
 
 
 def frequent_rounds(rounds: int, balance: float, start: float = 0.05) -> Predicted:

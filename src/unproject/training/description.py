@@ -33,7 +33,7 @@ def describe(value: Any) -> Any:
     if isinstance(value, partial):
         return _call(value.func, value.keywords, value.args)
     if is_dataclass(value) and not isinstance(value, type):
-        shown = [f.name for f in fields(value) if f.metadata.get("described", True)]
+        shown = [f.name for f in fields(value) if _shown(f.metadata.get("described", True), getattr(value, f.name))]
         return {"type": full_name(type(value)), **{name: describe(getattr(value, name)) for name in shown}}
     if isinstance(value, Mapping):
         return {str(key): describe(part) for key, part in value.items()}
@@ -42,6 +42,11 @@ def describe(value: Any) -> Any:
     if inspect.isroutine(value) or isinstance(value, type):
         return _call(value, {}, ())
     return {"type": full_name(type(value)), **describe(vars(value))}
+
+
+def _shown(rule: bool | str, value: Any) -> bool:
+    """Whether a field is described: always, never, or "if given"; recipes without it are described as before it was."""
+    return value is not None if rule == "if given" else bool(rule)
 
 
 def _call(function: Any, keywords: Mapping[str, Any], positional: tuple[Any, ...]) -> dict[str, Any]:

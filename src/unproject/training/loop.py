@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .._types import UserError
 from . import checkpoint, run_directory
 from .distribution import Distribution
 from .health import Diverged
@@ -13,21 +14,26 @@ from .recorder import Recorder
 from .recovery import roll_back
 from .run import Run
 from .signals import stop_request
+from .start import start_from
 from .state import State
 from .trainer import Interrupted, Trainer
 
 
-def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool = False) -> Run:
+def train(
+    recipe: Recipe, out: str | Path, *, start: str | Path | None = None, device: str = "auto", quiet: bool = False
+) -> Run:
     """Train a recipe into a new run directory and return the run.
 
     Args:
         recipe: what to train.
         out: the run directory to make.
+        start: a run to take the weights of instead of random ones: of the generator, whose architecture must be the
+            same, and of discriminators and the view predictor where they fit. It may be deleted afterwards.
         device: "auto", "cpu" or "cuda".
         quiet: show no progress bar.
 
     Raises:
-        UserError: if `out` holds a run already, or training diverges twice.
+        UserError: if `out` holds a run already, training diverges twice, or the generator of `start` is another.
         OSError: if the disk is full; checkpoints already written stay good.
 
     Examples:
@@ -48,10 +54,13 @@ def train(recipe: Recipe, out: str | Path, *, device: str = "auto", quiet: bool 
     out = Path(out)
     run_directory.check_free(out)
     state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
+    began = None if start is None else start_from(state, Path(start))
     distribution.barrier()
     if distribution.leads:
-        run_directory.create(out, recipe)
+        run_directory.create(out, recipe, began)
     with run_directory.locked(out, distribution.leads):
+        if began is not None and distribution.leads:
+            checkpoint.save(out / "checkpoints", 0, state.tensors())
         return _run(recipe, out, state, distribution, quiet)
 
 
@@ -105,6 +114,8 @@ def resume(
             run_directory.remove_temporaries(path)
         if checkpoint.list_checkpoints(path / "checkpoints"):
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
+        elif run_directory.read_recipe(path)["start"] is not None:
+            raise UserError(f"{path}: was stopped before its first weights were stored; delete it, and train again")
         return _run(recipe, path, state, distribution, quiet)
 
 

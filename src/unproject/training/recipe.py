@@ -160,6 +160,15 @@ class Recipe:
             value = getattr(self, name)
             if value is not None and not (value > 0 and math.isfinite(value)):
                 raise UserError(f"{name}={value}: must be positive")
+        if (
+            self.augmentation is not None
+            and self.augmentation.adaptive
+            and any(p.held_out is None for p in self.panels)
+        ):
+            raise UserError(
+                "the augmentation follows the overfitting, which is measured on held-out images: give each panel some, "
+                "Panel(..., held_out=...); Collection.split makes them"
+            )
         if self.steps is None and self.minutes is None:
             raise UserError("the recipe has no budget: give steps or minutes")
 

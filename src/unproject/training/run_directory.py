@@ -50,13 +50,14 @@ def check_free(path: Path) -> None:
         raise UserError(f"{path}: is a file; choose another --out")
 
 
-def create(path: Path, recipe: Recipe) -> None:
-    """Lay out a new run directory."""
+def create(path: Path, recipe: Recipe, start: dict[str, Any] | None = None) -> None:
+    """Lay out a new run directory; `start` says which run it begins with."""
     for folder in ("checkpoints", "samples"):
         (path / folder).mkdir(parents=True, exist_ok=True)
     origin = recipe.origin or Origin("", "", {})
     write_json(path / "environment.json", environment())
-    write_json(path / "recipe.json", {**asdict(origin), "resolved": describe(recipe)})
+    given = {} if start is None else {"start": start}
+    write_json(path / "recipe.json", {**asdict(origin), **given, "resolved": describe(recipe)})
 
 
 @contextmanager
@@ -119,7 +120,8 @@ def read_recipe(path: Path) -> dict[str, Any]:
             if not isinstance(content[name], kind):
                 raise TypeError(f"its {name!r} is no {kind.__name__}")
         return {name: content[name] for name in ("recipe", "arguments", "resolved")} | {
-            "function": str(content.get("function", ""))
+            "function": str(content.get("function", "")),
+            "start": content.get("start"),
         }
     except (ValueError, KeyError, TypeError) as error:
         raise UserError(f"{file}: damaged ({error}); restore it from a copy, or train again") from error

@@ -12,6 +12,7 @@ from torch.optim import Adam as TorchAdam
 
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
+from ..adversarial.augmentation import AugmentationState
 from ..assignment import AssignmentState, Panel
 from ..data.sampling import batch_rows
 from ..domains import Domain, domain_of
@@ -37,11 +38,12 @@ class Counters:
 
 @dataclass
 class PanelState:
-    """A panel in training: its discriminator, its assignment, and the norm of its loss's gradient (see `balancing`)."""
+    """A panel in training: discriminator, assignment, augmentation, and its loss's gradient norm (see `balancing`)."""
 
     panel: Panel
     discriminator: nn.Module
     assignment: AssignmentState
+    augmentation: AugmentationState | None = None
     gradient_norm: float = 1.0
 
     def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
@@ -59,7 +61,7 @@ class State:
             self._build_networks(recipe)
             assignments = begin_assignments(recipe)
         self.panels = [
-            PanelState(panel, discriminator, assignment.to(device))
+            PanelState(panel, discriminator, assignment.to(device), recipe.augmentation and recipe.augmentation.begin())
             for panel, discriminator, assignment in zip(recipe.panels, self.discriminators, assignments, strict=True)
         ]
         self.domain: Domain = domain_of(self.generator, recipe.domain)
@@ -100,6 +102,8 @@ class State:
         yield "discriminators", self.discriminators
         for i, panel in enumerate(self.panels):
             yield f"panels/{i}/assignment", panel.assignment
+            if panel.augmentation is not None:
+                yield f"panels/{i}/augmentation", panel.augmentation
 
     def optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
         yield "generator_optimiser", self.generator_optimiser
@@ -131,7 +135,7 @@ class State:
         for prefix, module in self.modules():
             load_module(module, tensors, prefix)
         for prefix, optimiser in self.optimisers():  # an assignment says which it has once its module is loaded
-            _load_optimiser(optimiser, _strip(tensors, prefix))
+            _load_optimiser(optimiser, stripped(tensors, prefix))
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
 
@@ -144,7 +148,7 @@ def begin_assignments(recipe: Recipe) -> list[AssignmentState]:
 
 def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> None:
     """Load what is stored under `prefix`. Raises UserError if names or shapes are not the module's."""
-    own = _strip(tensors, prefix)
+    own = stripped(tensors, prefix)
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
         raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it belongs to another run")
     module.load_state_dict(own)
@@ -159,8 +163,10 @@ def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
     return TorchAdam(module.parameters(), settings.rate, (settings.beta1, settings.beta2))
 
 
-def _strip(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {k.removeprefix(f"{prefix}/"): v for k, v in tensors.items() if k.startswith(f"{prefix}/")}
+def stripped(tensors: dict[str, Tensor], prefix: str, further: str = "") -> dict[str, Tensor]:
+    """Return what is stored under `prefix`, by the names within it; of these only those that begin with `further`."""
+    start = f"{prefix}/{further}"
+    return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}
 
 
 def _optimiser_tensors(optimiser: TorchAdam) -> dict[str, Tensor]:

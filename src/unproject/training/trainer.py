@@ -23,6 +23,7 @@ from . import checkpoint
 from .balancing import balanced_loss
 from .distribution import Distribution
 from .health import EVERY, check, check_finite, diversity
+from .overfitting import adapt, held_out_logits
 from .recipe import Recipe
 from .recorder import Recorder
 from .state import PanelState, State, latents_rng
@@ -84,7 +85,7 @@ class Trainer:
             with torch.set_grad_enabled(i == recipe.discriminator_steps - 1):  # the last draw updates the generator too
                 x = self._generate(self._codes(draw))
                 batches = self._project(x, draw)
-            losses |= self._update_discriminators(batches, draw)
+            losses |= self._update_discriminators(batches, draw, progress)
         losses["loss_g"] = self._update_generator(x, batches, progress)
         self.slowest = time.monotonic() - began
         self._finish_step(progress, losses, batches[0])
@@ -123,12 +124,12 @@ class Trainer:
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         fake = panel.assignment.project(x, rows, latents_rng(recipe.seed, draw, index, ranks.rank))
         real = panel.panel.batch(rows).to(fake)
-        if recipe.augmentation is not None:
+        if panel.augmentation is not None:
             rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
-            real, fake = recipe.augmentation(real, rng), recipe.augmentation(fake, rng)
+            real, fake = panel.augmentation(real, rng), panel.augmentation(fake, rng)
         return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device), rows)
 
-    def _update_discriminators(self, batches: list[Batch], draw: int) -> dict[str, Tensor]:
+    def _update_discriminators(self, batches: list[Batch], draw: int, progress: float) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
         state.discriminators.requires_grad_(True)
         penalise = recipe.penalty is not None and draw % recipe.penalty.every == recipe.penalty.every - 1
@@ -139,9 +140,12 @@ class Trainer:
                 # One concatenated forward: batch statistics see both kinds of image, spectral vectors move once.
                 images = torch.cat([batch.real, batch.fake.detach()])
                 logits = batch.panel.discriminator(images, batch.head.repeat(2))
+                held_out = held_out_logits(batch.panel, recipe, draw, index, self.distribution)
             real, fake = logits.float().chunk(2)
             total = total + recipe.loss.discriminator(real, fake)
             batch.real_logits = real.detach()
+            if held_out is not None:
+                adapt(batch.panel, (real, held_out, fake), progress, self.distribution)
             if penalise and recipe.penalty is not None:
                 rng = generator_at(recipe.seed, draw, f"penalty/{index}/{self.distribution.rank}")
                 found = recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)
@@ -185,14 +189,14 @@ class Trainer:
             numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
             ratio = self.distribution.average(diversity(batch.real, batch.fake.detach()))
             counters.collapsed = check(counters.step, numbers, ratio, counters.collapsed)
-            self.record(**{k: round(v, 6) for k, v in numbers.items()}, **self._assignment_log())
+            self.record(**{k: round(v, 6) for k, v in numbers.items()}, **self._panel_log())
             self.recorder.show(progress, f"step {counters.step}")
         if counters.step % self.recipe.checkpoint_every == 0:
             self.save()
 
-    def _assignment_log(self) -> dict[str, Any]:
-        """Return the fields of all assignments, those of further panels with the panel's number."""
-        logs = [panel.assignment.log() for panel in self.state.panels]
+    def _panel_log(self) -> dict[str, Any]:
+        """Return the fields of assignments and augmentations, those of further panels with the panel's number."""
+        logs = [p.assignment.log() | (p.augmentation.log() if p.augmentation else {}) for p in self.state.panels]
         return {(f"{name}/{i}" if i else name): value for i, log in enumerate(logs) for name, value in log.items()}
 
     def _assign(self, progress: float) -> bool:

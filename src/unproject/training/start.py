@@ -1,0 +1,81 @@
+"""Start: a run that begins with the weights of another one instead of random ones, to learn from few images.
+
+Generator, averaged generator and, where they fit, discriminators and what assignments have learned are taken over;
+optimisers and counters begin anew. The first checkpoint, of step 0, holds all that, so the other run is not needed any
+more.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor, nn
+
+from .._types import UserError
+from . import checkpoint
+from .description import describe
+from .run_directory import read_recipe
+from .state import State, stripped
+
+
+def start_from(state: State, path: Path) -> dict[str, Any]:
+    """Take over the weights of the newest checkpoint of the run at `path`; return what recipe.json says of it.
+
+    Raises:
+        UserError: if `path` is no run, has no checkpoint, or its generator is of another architecture.
+    """
+    stored = read_recipe(path)
+    newest = checkpoint.newest(path / "checkpoints")
+    tensors = checkpoint.load(newest)
+    ours = json.loads(json.dumps(describe(state.recipe.generator)))
+    difference = differing_settings(stored["resolved"].get("generator"), ours)
+    difference = difference or differing_weights(stripped(tensors, "generator"), state.generator)
+    if difference:
+        raise UserError(
+            f"{path}: cannot start from it: {difference}; give the same settings, or train from new weights"
+        )
+    state.generator.load_state_dict(stripped(tensors, "generator"))
+    state.average.load_state_dict(stripped(tensors, "average"))
+    return {
+        "run": str(path.absolute()),
+        "step": int(newest.stem.removeprefix("step-")),
+        **{name: stored[name] for name in ("recipe", "arguments", "start")},
+        "panels": [_take_over_panel(state, i, tensors) for i in range(len(state.panels))],
+    }
+
+
+def _take_over_panel(state: State, index: int, tensors: dict[str, Tensor]) -> dict[str, bool]:
+    """Take over what fits of a panel; say what did."""
+    panel = state.panels[index]
+    weights = stripped(tensors, "discriminators", f"{index}.")
+    fits = not differing_weights(weights, panel.discriminator)
+    if fits:
+        panel.discriminator.load_state_dict(weights)
+    return {"discriminator": fits, "views": panel.assignment.take_over(stripped(tensors, f"panels/{index}/assignment"))}
+
+
+def differing_settings(theirs: Any, ours: Any) -> str:
+    """Say which setting that both descriptions of a generator name differs; "" if none does."""
+    if not isinstance(theirs, dict) or theirs.get("call") != ours.get("call"):
+        there = theirs.get("call") if isinstance(theirs, dict) else "unknown"
+        return f"its generator is {there}, and this recipe's {ours.get('call')}"
+    given = theirs.get("arguments", {})
+    names = [name for name, value in ours.get("arguments", {}).items() if name in given and given[name] != value]
+    if not names:
+        return ""
+    there, here = (", ".join(f"{name}={part[name]}" for name in names) for part in (given, ours["arguments"]))
+    return f"its generator has {there}, and this recipe's {here}"
+
+
+def differing_weights(theirs: dict[str, Tensor], module: nn.Module) -> str:
+    """Say which weight is missing, of another shape or too many; "" if they fit the module."""
+    there = {name: tuple(value.shape) for name, value in theirs.items()}
+    here = {name: tuple(value.shape) for name, value in module.state_dict().items()}
+    for name in sorted(there.keys() | here.keys()):
+        if there.get(name) != here.get(name):
+            return (
+                f"weight {name} is {there.get(name, 'missing')} there, and {here.get(name, 'missing')} in this recipe"
+            )
+    return ""
