@@ -11,11 +11,12 @@ from .gaussian import GaussianInitialiser
 from .jointly_predicted import JointlyPredicted, JointlyPredictedState
 from .learned_prior import LearnedPrior, LearnedPriorState
 from .mean_shape import MeanShapeInitialiser
-from .panel import Assignment, AssignmentState, Known, Panel, by_view, views_of
+from .panel import Assignment, AssignmentState, Known, Panel
 from .predicted import Initialiser, Predicted, PredictedState, Rounds
 from .predictor import PredictorFit
 from .responsibilities import Estimator
 from .unassigned import Unassigned
+from .views import by_view, views_of
 
 __all__ = [
     "Assignment",

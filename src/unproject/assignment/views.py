@@ -1,0 +1,44 @@
+"""Known views: which observation made each image of a collection whose latents are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from .._types import UserError
+from ..data import Collection
+from ..projections.observation import Observation
+
+
+def views_of(collection: Collection, observations: Sequence[Observation]) -> Tensor:
+    """Return (N,) the first observation whose prior contains each item's known latents; missing latents count as 0.
+
+    Raises:
+        UserError: if no latents are known, or those of an item lie in no prior.
+    """
+    names = observations[0].prior.names
+    first = names[0] if names else "view"
+    if collection.latents is None or first not in collection.latents:
+        raise UserError(
+            f"{collection.source}: known views are asked for but none are there; add a views.csv (file,{first} in "
+            f"degrees) to a folder or an array `{first}` (radians) to an .npz, or use --views predicted"
+        )
+    latents = {name: torch.zeros(len(collection)) for name in names} | collection.latents
+    inside = torch.stack([observation.prior.contains(latents) for observation in observations], 1)
+    outside = ~inside.any(1)
+    if bool(outside.any()):
+        more = ", or give --bands enough bands of elevation" if "elevation" in names else ""
+        raise UserError(
+            f"{collection.source}: the known view of {int(outside.sum())} of {len(inside)} images lies outside every "
+            f"bin; leave them out{more}"
+        )
+    return inside.long().argmax(1)
+
+
+def by_view(collection: Collection, observations: Sequence[Observation]) -> tuple[list[Observation], list[Collection]]:
+    """Return the observations that have images, and their images: the items whose known latents a prior contains."""
+    views = views_of(collection, observations)
+    rows = {k: (views == k).nonzero()[:, 0] for k in views.unique().tolist()}
+    return [observations[k] for k in rows], [collection.subset(found) for found in rows.values()]
