@@ -58,7 +58,6 @@ _HOME = {
     "Affine": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
     "Connected": "unproject.adversarial.regularisers",
-    "Inside": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
     "Sometimes": "unproject.adversarial.augmentation",
     "Solid": "unproject.adversarial.regularisers",
@@ -133,7 +132,6 @@ if TYPE_CHECKING:
     from .adversarial.penalties import GradientPenalty as GradientPenalty
     from .adversarial.penalties import Penalty as Penalty
     from .adversarial.regularisers import Connected as Connected
-    from .adversarial.regularisers import Inside as Inside
     from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid
     from .assignment import Assignment as Assignment

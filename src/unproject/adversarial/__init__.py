@@ -4,7 +4,7 @@ from .adaptive import Adaptive
 from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
-from .regularisers import Connected, Inside, Regulariser, Regularisers, Solid
+from .regularisers import Connected, Regulariser, Regularisers, Solid
 
 __all__ = [
     "R1R2",
@@ -18,7 +18,6 @@ __all__ = [
     "Logistic",
     "Loss",
     "Penalty",
-    "Inside",
     "Regulariser",
     "Regularisers",
     "Relativistic",

@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from ..ops.parts import floating_parts
-from ..ops.resampling import centres
 
 Regulariser: TypeAlias = Callable[[Tensor, float], Tensor]
 """(x, progress) → a term of the generator's loss."""
@@ -72,29 +71,6 @@ class Connected:
         misplaced = x.where(floating, 0) + (1 - x).where(gaps, 0)
         total = x.detach().flatten(1).sum(1) + 1e-6
         return self.weight * min(progress, 1.0) * (misplaced.flatten(1).sum(1) / total).mean()
-
-
-@dataclass(frozen=True)
-class Inside:
-    """w E[Σ_O p] / N, O those of the N voxels with |r|∞ > `reach`, r in [-1, 1]³: keep volumes away from their walls.
-
-    Cropped pictures leave the size of objects open, and larger ones are sharper: without this they grow until the walls
-    of the volume cut them.
-
-    Examples:
-        >>> import torch, unproject as up
-        >>> up.Inside(reach=0.5, weight=1.0)(torch.ones(1, 16, 16, 16), progress=0.0)
-        tensor(0.8750)
-    """
-
-    reach: float = 0.85
-    weight: float = 10.0
-
-    def __call__(self, x: Tensor, progress: float) -> Tensor:
-        """Return the term of volumes x (B, X, Y, Z); `progress` does not matter."""
-        axes = torch.meshgrid(*[centres(n, x).abs() for n in x.shape[1:]], indexing="ij")
-        outside = torch.stack(axes).amax(0) > self.reach
-        return self.weight * (x * outside).mean()
 
 
 @dataclass(frozen=True)

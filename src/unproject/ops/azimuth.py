@@ -157,7 +157,7 @@ def resample_heights(volume: Tensor, size: int, viewport: float | Tensor, offset
         offset: (B,), the middle of it (default: 0).
     """
     count = volume.shape[2]
-    if isinstance(viewport, float | int) and viewport == 1 and offset is None and size == count:
+    if not isinstance(viewport, Tensor) and viewport == 1 and offset is None and size == count:
         return volume
     height = centres(size, volume)
     if isinstance(viewport, Tensor):

@@ -2,11 +2,12 @@
 
 1. Box. The profile of an axis is the largest value of each row (column). The box runs from the first to the last place
    where the profile crosses ½ of its maximum, linearly between pixels: of a binary picture, its bounding box.
-2. Crop. The box is centred in a square whose side is the box's longer side / `fill`; aspect is kept.
+2. Crop. The box is scaled until it is `height` of the frame high, or `width` of it wide, whichever comes first, and
+   centred; aspect is kept. With one number for both it is the rule by which `data.frame` crops pictures of a folder.
 3. Resampling. Each pixel of the result is the share of its area that is covered; outside the picture is 0.
 
-This is the rule by which `data.frame` crops pictures of a folder, in torch. The box is a constant for gradients: its
-edges depend on a few pixels only, which would have the gradient of the whole picture.
+The box is a constant for gradients: its edges depend on a few pixels only, which would have the gradient of the whole
+picture.
 """
 
 from __future__ import annotations
@@ -31,9 +32,19 @@ class Box(NamedTuple):
     right: Tensor
 
     @property
+    def height(self) -> Tensor:
+        """At least one pixel, (B,)."""
+        return (self.bottom - self.top).clamp_min(1)
+
+    @property
+    def width(self) -> Tensor:
+        """At least one pixel, (B,)."""
+        return (self.right - self.left).clamp_min(1)
+
+    @property
     def longer(self) -> Tensor:
         """The longer side, (B,)."""
-        return torch.maximum(self.bottom - self.top, self.right - self.left)
+        return torch.maximum(self.height, self.width)
 
     @property
     def centre(self) -> tuple[Tensor, Tensor]:
@@ -72,26 +83,30 @@ def _first(profile: Tensor) -> Tensor:
     return torch.where(level > 0, crossing, torch.zeros_like(crossing))[:, 0]
 
 
-def framed(silhouettes: Tensor, size: int, fill: float = 0.85) -> Tensor:
+def framed(silhouettes: Tensor, size: int, height: float = 0.85, width: float | None = None) -> Tensor:
     """Return silhouettes (B, 1, H, W) cropped, scaled and centred, (B, 1, size, size); differentiable.
 
     Args:
         size: pixels a side of the result.
-        fill: the longer side of the object, as a share of the frame.
+        height, width: of the object at most, as shares of the frame (default of the width: the height).
 
     Examples:
         >>> import torch, unproject as up
         >>> small, large = torch.zeros(2, 1, 1, 32, 32)
         >>> small[..., 3:9, 20:26], large[..., 4:28, 2:26] = 1, 1
-        >>> a, b = (up.ops.framed(mask, 16, fill=0.75) for mask in (small, large))
+        >>> a, b = (up.ops.framed(mask, 16, height=0.75) for mask in (small, large))
         >>> bool(torch.allclose(a, b, atol=1e-5)), a.mean().item()
         (True, 0.5625)
     """
     box = bounding_box(silhouettes)
-    (row, column), side = box.centre, box.longer
-    cell = side.clamp_min(1) / (fill * size)
+    pixel = torch.maximum(box.height / height, box.width / (width or height)) / size
+    return resampled(silhouettes, box.centre, pixel, size)
+
+
+def resampled(silhouettes: Tensor, centre: tuple[Tensor, Tensor], pixel: Tensor, size: int) -> Tensor:
+    """Return (B, 1, size, size) of area averages around `centre` (row, column), `pixel` (B,) pixels wide."""
     down, across = (
-        _shares(middle, cell, count, size) for middle, count in zip((row, column), silhouettes.shape[2:], strict=True)
+        _shares(middle, pixel, count, size) for middle, count in zip(centre, silhouettes.shape[2:], strict=True)
     )
     return (down @ silhouettes[:, 0] @ across.transpose(1, 2)).clamp(0, 1)[:, None]
 
@@ -123,6 +138,23 @@ def common_fill(silhouettes: Tensor, tolerance: float = 1.5, share: float = 0.95
     off = torch.stack([(row - height / 2).abs(), (column - width / 2).abs(), (box.longer - longer).abs()])
     cropped = height == width and bool((off <= tolerance).all(0).double().mean() >= share)
     return round(float(longer) / height, 3) if cropped else None
+
+
+def common_height(silhouettes: Tensor, width: float = 0.9, share: float = 0.9, least: float = 0.2) -> float:
+    """Return the height, as a share of the frame, at which a `share` of silhouettes is at most `width` of it wide.
+
+    It is at most 0.85 and at least `least`.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> masks = torch.zeros(4, 1, 32, 32)
+        >>> masks[..., 12:20, 4:28] = 1  # three times as wide as high
+        >>> up.ops.common_height(masks)
+        0.3
+    """
+    box = bounding_box(silhouettes)
+    aspect = torch.quantile(box.width / box.height, share).item()
+    return round(min(max(width / aspect, least), 0.85), 3)
 
 
 def unit_sized(x: Tensor, side: float = 0.8) -> Tensor:

@@ -1,7 +1,8 @@
-"""Cropped: a projection whose pictures are cropped to their object, as those of a collection may be.
+"""Cropped: silhouettes that were cropped one by one, and the projection whose pictures they can be.
 
 Pictures that were cropped and scaled one by one are not projections of objects of one size: framing is part of how they
-came about. They leave the size and the place of objects open; `adversarial.Inside` keeps these within their volume.
+came about. But level orthographic views of one object are all equally high. So pictures are framed anew, to one height:
+then they are projections of objects of this height, in the middle of the picture, and the size of objects is settled.
 """
 
 from __future__ import annotations
@@ -12,57 +13,62 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.framing import Box, bounding_box, framed
+from ..ops.framing import Box, bounding_box, framed, resampled
 from .base import Projection
 from .silhouette import Silhouette, Window
 
 
 @dataclass(frozen=True)
 class Cropped(Projection):
-    """y = P(x, θ) cropped to its object, scaled and centred: the rule of `ops.framed`.
+    """y = P(x, θ) with the object in the middle, as high as it is in a level view.
 
-    Level views are rendered twice, the second time by a camera that sees just the crop, so that nothing is resampled.
-    The crop is a constant for gradients.
+    Level views are moved to the middle from left to right only, by the camera, so that nothing is resampled. Others are
+    scaled by the ratio of the heights of the level and of the tilted view, and centred. Where the object is in the
+    picture counts as constant for gradients.
 
     Attributes:
         silhouette: P; its `size` is that of the result.
-        fill: the longer side of the object, as a share of the frame.
+        height: of the objects that pictures are framed to (`prepare`), as a share of the frame.
+        width: of the object in a picture at most, as a share of the frame; pictures of wider ones are scaled to it.
 
     Raises:
         UserError: for no size, or a share that is not above 0 and at most 1.
 
     Examples:
         >>> import torch, unproject as up
-        >>> small, large = torch.zeros(2, 1, 16, 16, 16)
-        >>> small[:, 6:10, 4:8, 6:10], large[:, 2:14, 2:14, 2:14] = 1, 1
-        >>> projection = up.projections.Cropped(up.Silhouette(size=16), fill=0.75)
-        >>> a, b = (projection(x, azimuth=torch.zeros(1), elevation=torch.zeros(1)) for x in (small, large))
-        >>> bool(torch.allclose(a, b, atol=1e-5))
+        >>> x = torch.zeros(2, 16, 16, 16)
+        >>> x[0, 6:10, 4:12, 6:10], x[1, 9:13, 4:12, 6:10] = 1, 1
+        >>> projection = up.projections.Cropped(up.Silhouette(size=16), height=0.5)
+        >>> y = projection(x, azimuth=torch.zeros(2), elevation=torch.zeros(2))
+        >>> bool(torch.allclose(y[0], y[1], atol=1e-5))
+        True
+        >>> bool(torch.allclose(projection.prepare(y), y, atol=1e-5))
         True
     """
 
     silhouette: Silhouette
-    fill: float = 0.85
+    height: float = 0.85
+    width: float = 0.9
 
     def __post_init__(self) -> None:
-        if self.silhouette.size is None or not 0 < self.fill <= 1:
-            raise UserError(f"Cropped(size={self.silhouette.size}, fill={self.fill:g}): give a size, and 0 < fill <= 1")
+        if self.silhouette.size is None or not (0 < self.height <= 1 and 0 < self.width <= 1):
+            raise UserError(f"{self}: give the silhouette a size, and shares of the frame above 0 and at most 1")
 
     def forward(self, x: Tensor, *, azimuth: Tensor, elevation: Tensor) -> Tensor:
-        """Return the silhouettes (B, 1, size, size) of x (B, X, Y, Z), cropped."""
-        if bool(elevation.any()):
-            return self.prepare(self.silhouette(x, azimuth=azimuth, elevation=elevation))
+        """Return the silhouettes (B, 1, size, size) of x (B, X, Y, Z)."""
         with torch.no_grad():
-            whole = self.silhouette(x, azimuth=azimuth, elevation=elevation)
-            window = self._window(bounding_box(whole), whole.shape[-1])
-        return self.silhouette.seen(x, azimuth, elevation, window)
+            level = bounding_box(self.silhouette(x, azimuth=azimuth))
+        if not bool(elevation.any()):
+            return self.silhouette.seen(x, azimuth, elevation, Window(self.silhouette.viewport, self._right(level)))
+        tilted = self.silhouette(x, azimuth=azimuth, elevation=elevation)
+        box = bounding_box(tilted)
+        return resampled(tilted, box.centre, box.height / level.height, tilted.shape[-1])
 
-    def _window(self, box: Box, pixels: int) -> Window:
-        """Return the square around the boxes in pictures of so many pixels a side."""
-        row, column = box.centre
-        scale = 2 * self.silhouette.viewport / pixels
-        viewport = box.longer.clamp_min(1) / (2 * self.fill) * scale
-        return Window(viewport, (column - pixels / 2) * scale, (pixels / 2 - row) * scale)
+    def _right(self, box: Box) -> Tensor:
+        """Return how far the middle of the box lies to the right of the picture's, in units of the volume."""
+        size = self.silhouette.size or 1
+        return (box.centre[1] * 2 / size - 1) * self.silhouette.viewport
 
     def prepare(self, y: Tensor) -> Tensor:
-        return framed(y, self.silhouette.size or y.shape[-1], self.fill)
+        """Return silhouettes (N, 1, H, W) framed to the common height."""
+        return framed(y, self.silhouette.size or y.shape[-1], self.height, self.width)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,24 +10,26 @@ import torch
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.regularisers import Connected, Inside, Regulariser, Regularisers, Solid
-from ..assignment import JointlyPredicted, MeanShapeInitialiser
-from ..data import Collection, chairs, observe, read
-from ..ops.framing import common_fill
+from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
+from ..assignment import JointlyPredicted, MeanShapeInitialiser, Panel, Predicted
+from ..data import Collection, chairs, observe, read, with_flips
+from ..ops.framing import common_fill, common_height
 from ..projections.base import Projection
+from ..projections.cropped import Cropped
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training.estimate import require_memory
-from .pairing import Views, frequent_rounds
+from .pairing import Views, frequent_rounds, panel_of
 
 PROCEDURAL_CHAIRS = 1000
+CHECKED = 1024
+"""Pictures that are looked at to tell whether and how they were cropped."""
 
 
-def regulariser_of(solid: float, connected: float, fill: float | None) -> Regulariser | None:
-    """Return the preferences whose weight is not zero, and with a `fill` what holds the size of objects."""
+def regulariser_of(solid: float, connected: float) -> Regulariser | None:
+    """Return the preferences whose weight is not zero."""
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
     terms += [Connected(connected)] if connected else []
-    terms += [Inside(fill)] if fill is not None else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 
@@ -40,12 +43,22 @@ def jointly_predicted(
     return JointlyPredicted(drawn.rounds, fit, drawn.estimator, initialiser, weight=information)
 
 
-def fill_of(collection: Collection) -> float | None:
-    """Return the share of the frame that pictures were cropped to one by one; None if they were not."""
-    some = torch.linspace(0, len(collection) - 1, min(len(collection), 512)).long()
+def as_cropped(silhouette: Silhouette, collection: Collection, data: Path | None) -> tuple[Projection, Collection]:
+    """Return the projection of a collection's pictures, and the pictures as this projection makes them.
+
+    The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
+    and volumes stay as they are. Cropped ones are read again, twice as large, since most become smaller.
+    """
     is_rendered = collection.latents is not None and "view" in collection.latents
-    is_picture = collection.items.shape[1] == 1
-    return common_fill(collection.batch(some)) if is_picture and not is_rendered else None
+    if collection.items.shape[1] != 1 or is_rendered:
+        return silhouette, collection
+    some = torch.linspace(0, len(collection) - 1, min(len(collection), CHECKED)).long()
+    by_reader = data is not None and Path(data).is_dir()
+    if not by_reader and common_fill(collection.batch(some)) is None:
+        return silhouette, collection
+    cropped = Cropped(silhouette, common_height(collection.batch(some)))
+    larger = collection if data is None else read(data, size=2 * collection.items.shape[-1])
+    return cropped, larger.mapped(cropped.prepare)
 
 
 def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:
@@ -91,3 +104,17 @@ def read_or_make(data: Path | None, size: int) -> Collection:
     if found.items.dim() != 4:
         raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
     return found
+
+
+def split_panel(
+    views: Views,
+    observations: Sequence[Observation],
+    collection: Collection,
+    predicted: Predicted,
+    split_seed: int | None,
+    flips: bool,
+) -> Panel:
+    """Return the panel with a tenth of the images held out, unless there is no seed for that or training is direct."""
+    split = split_seed is not None and views != "direct"
+    kept, held_out = collection.split(seed=split_seed or 0) if split else (collection, None)
+    return panel_of(views, observations, with_flips(kept) if flips else kept, predicted, held_out)

@@ -11,16 +11,16 @@ from typing import Literal
 
 from typing_extensions import Unpack
 
+from ..adversarial.adaptive import Adaptive
+from ..adversarial.augmentation import Affine
 from ..adversarial.losses import Hinge, Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..data import with_flips
 from ..domains import Volumes
 from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
-from ..projections.cropped import Cropped
 from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, resumable
 from .pairing import Views, five_rounds, panel_of
-from .shape_panels import fill_of, jointly_predicted, regulariser_of, silhouette_views, silhouettes_of
+from .shape_panels import as_cropped, jointly_predicted, regulariser_of, silhouette_views, silhouettes_of, split_panel
 
 
 @resumable
@@ -34,6 +34,7 @@ def shapes(
     views_per_shape: int = 16,
     binary: bool = False,
     flips: bool = False,
+    augment: bool = True,
     seed: int = 0,
     channels: int = 128,
     rank: int = 32,
@@ -41,7 +42,7 @@ def shapes(
     rate: float = 1.5e-3,
     gamma: float = 0.1,
     solid: float = 0.1,
-    connected: float = 0.0,
+    connected: float = 3.0,
     information: float = 0.3,
     rounds: int = 40,
     balance: float = 0.8,
@@ -62,6 +63,8 @@ def shapes(
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: threshold rendered silhouettes at one half.
         flips: learn from the mirror images of the pictures too; for small collections.
+        augment: hold a tenth of the pictures out, and shift, zoom and roll what discriminators see when they learn the
+            others by heart (`Adaptive`).
         seed: of the weights, of every draw, and of the rendered silhouettes.
         channels: width of the generator.
         rank: plane-line products an axis.
@@ -83,21 +86,23 @@ def shapes(
     direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection = silhouettes_of(data, views, silhouette_views(silhouette, bins, bands), views_per_shape, binary, seed)
-    fill = fill_of(collection)
-    observations = silhouette_views(silhouette if fill is None else Cropped(silhouette, fill), bins, bands)
+    projection, collection = as_cropped(silhouette, collection, data)
+    observations = silhouette_views(projection, bins, bands)
     mirrored = mirrored_views(bins, bands) if mirror else None
     predicted = jointly_predicted(rounds, balance, information, mirrored, init_views)
+    panel = split_panel(views, observations, collection, predicted, seed if augment else None, flips)
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
     return Recipe(
         generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=not direct),
         discriminator=partial(
             Discriminator, channels=16 if direct else 32, shared=4, bottleneck=256, common=True, volumetric=direct
         ),
-        panels=[panel_of(views, observations, with_flips(collection) if flips else collection, predicted)],
-        domain=Volumes(sized=fill is None),
+        panels=[panel],
+        domain=Volumes(sized=projection is silhouette),
         loss=Relativistic(),
         penalty=R1R2(gamma, every=8),
-        regulariser=regulariser_of(0.0 if direct else solid, connected, fill),
+        augmentation=None if panel.held_out is None else Adaptive(Affine()),
+        regulariser=regulariser_of(0.0 if direct else solid, connected),
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         batch=48,
