@@ -152,7 +152,8 @@ def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: 
     if form != "known":
         assigned = run.assignments(recipe)[0].estimates()
         assert assigned is not None
-        exact = view_accuracy(assigned, true_bins(truth["azimuth"]), BINS).exact
+        shown = torch.tensor([int(Path(name).stem) for name in recipe.panels[0].collections[0].names])
+        exact = view_accuracy(assigned, true_bins(truth["azimuth"])[shown], BINS).exact
         found |= {"views": exact, "views_of_ceiling": exact / ceiling(folder, form, truth["azimuth"])}
     up.export.contact_sheet(x[:12], out / f"{name}-{form}-{seed}.png", size=80)
     return found

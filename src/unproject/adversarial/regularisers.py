@@ -62,15 +62,15 @@ class Connected:
 
     weight: float = 1.0
     level: float = 0.5
-    volumes: int = 6
+    volumes: int = 4
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
         x = x[: self.volumes]
         floating, gaps = floating_parts(x, self.level)
-        misplaced = x.where(floating, 0) + (1 - x).where(gaps, 0)
+        misplaced = (x * floating + (1 - x) * gaps).flatten(1).sum(1)
         total = x.detach().flatten(1).sum(1) + 1e-6
-        return self.weight * min(progress, 1.0) * (misplaced.flatten(1).sum(1) / total).mean()
+        return self.weight * min(progress, 1.0) * (misplaced / total).mean()
 
 
 @dataclass(frozen=True)

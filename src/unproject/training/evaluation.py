@@ -42,7 +42,8 @@ def sample_scores(
         raise UserError(
             f"the references are of shape {tuple(reference.shape[1:])}; give samples or projections, of shape {shapes}"
         )
-    return domain.projection_scores(projected(fitting[0], x, seed), reference, seed) | domain.checks(x, seed)
+    prepared = fitting[0].panel.projection.prepare(reference)
+    return domain.projection_scores(projected(fitting[0], x, seed), prepared, seed) | domain.checks(x, seed)
 
 
 @torch.no_grad()
