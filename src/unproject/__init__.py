@@ -67,6 +67,7 @@ _HOME = {
     "Options": "unproject.training",
     "Adam": "unproject.training",
     "Run": "unproject.training",
+    "Tries": "unproject.training",
     "resumable": "unproject.training",
     "train": "unproject.training",
     "resume": "unproject.training",
@@ -171,6 +172,7 @@ if TYPE_CHECKING:
     from .training import Options as Options
     from .training import Recipe as Recipe
     from .training import Run as Run
+    from .training import Tries as Tries
     from .training import load as load
     from .training import resumable as resumable
     from .training import resume as resume

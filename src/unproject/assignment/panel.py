@@ -230,6 +230,10 @@ class AssignmentState(nn.Module):
         """Return fields for the lines of the log."""
         return {}
 
+    def merit(self) -> float:
+        """Return how much is known of the views of images, to choose the best of several tries by."""
+        return 0.0
+
     def estimates(self) -> Tensor | None:
         """Return (N,) the view that was estimated for each image; None if none was."""
         return None

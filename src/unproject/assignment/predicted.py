@@ -257,6 +257,9 @@ class PredictedState(AssignmentState):
             "views_used": Score(entropy(used).exp().item(), f"exp of the entropy of assigned views, of {count}", n),
         }
 
+    def merit(self) -> float:
+        return information(self._probabilities())
+
     def estimates(self) -> Tensor:
         return self.views
 

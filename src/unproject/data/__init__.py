@@ -10,6 +10,7 @@ from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
 from .inspection import Inspection, inspect, inspect_materials
+from .mapping import mapped
 from .observing import observe
 from .procedural.light import mixed_probes, procedural_probes
 from .procedural.materials.materials import correlated, metal, plastic, wood
@@ -50,6 +51,7 @@ __all__ = [
     "get",
     "inspect",
     "inspect_materials",
+    "mapped",
     "material_patches",
     "metal",
     "mixed_probes",

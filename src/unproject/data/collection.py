@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -35,7 +35,6 @@ from .splitting import split_rows
 
 PathLike = str | os.PathLike[str]
 Rows = Tensor | Sequence[int] | slice
-AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -233,18 +232,6 @@ class Collection:
         picked = self.items[rows]
         return type(self)(
             picked, names=names, latents=known, skipped=self.skipped, source=self.source, white=self.white
-        )
-
-    def mapped(self, change: Callable[[Tensor], Tensor]) -> Self:
-        """Return the collection with `change` done to its items, (N, ...) to (N, ...), in 8 bits."""
-        parts = [(change(self.batch(rows)) * 255).round().byte() for rows in torch.arange(len(self)).split(AT_ONCE)]
-        return type(self)(
-            torch.cat(parts),
-            names=self.names,
-            latents=self.latents,
-            skipped=self.skipped,
-            source=self.source,
-            white=255,
         )
 
     def split(self, share: float = 0.1, seed: int = 0) -> tuple[Self, Self]:

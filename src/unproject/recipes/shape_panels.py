@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import torch
+from torch import nn
 
 from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
 from ..assignment import JointlyPredicted, MeanShapeInitialiser, Panel, Predicted
-from ..data import Collection, chairs, observe, read, with_flips
+from ..data import Collection, chairs, mapped, observe, read, with_flips
+from ..networks import Discriminator
 from ..ops.framing import common_fill, common_height
 from ..projections.base import Projection
 from ..projections.cropped import Cropped
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
+from ..training import Adam
 from ..training.estimate import require_memory
 from .pairing import Views, frequent_rounds, panel_of
 
@@ -34,31 +38,53 @@ def regulariser_of(solid: float, connected: float) -> Regulariser | None:
 
 
 def jointly_predicted(
-    rounds: int, balance: float, information: float, mirrored: tuple[int, ...] | None, init_views: bool
+    rounds: int, balance: float, information: float, mirrored: tuple[int, ...], init_views: bool
 ) -> JointlyPredicted:
     """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along."""
     drawn = frequent_rounds(rounds, balance, start=0.01)
-    fit = replace(drawn.fit, mirrored=mirrored)
-    initialiser = MeanShapeInitialiser(mirror=mirrored is not None, balance=balance) if init_views else None
+    fit = replace(drawn.fit, mirrored=mirrored or None)
+    initialiser = MeanShapeInitialiser(mirror=bool(mirrored), balance=balance) if init_views else None
     return JointlyPredicted(drawn.rounds, fit, drawn.estimator, initialiser, weight=information)
 
 
-def as_cropped(silhouette: Silhouette, collection: Collection, data: Path | None) -> tuple[Projection, Collection]:
-    """Return the projection of a collection's pictures, and the pictures as this projection makes them.
+def discriminator_of(direct: bool) -> Callable[[tuple[int, ...], int], nn.Module]:
+    """Return the discriminator of silhouettes, or of volumes."""
+    channels = 16 if direct else 32
+    return partial(Discriminator, channels=channels, shared=4, bottleneck=256, common=True, volumetric=direct)
+
+
+def falling_adam(rate: float) -> Adam:
+    """Return Adam whose learning rate falls to a tenth."""
+    return Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+
+
+def pictures_of(
+    data: Path | None,
+    views: Views,
+    silhouette: Silhouette,
+    bins: int,
+    bands: int,
+    views_per_shape: int,
+    binary: bool,
+    seed: int,
+) -> tuple[Collection, tuple[Observation, ...]]:
+    """Return a collection as its observations make pictures, and the observations.
 
     The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
     and volumes stay as they are. Cropped ones are read again, twice as large, since most become smaller.
     """
+    observations = silhouette_views(silhouette, bins, bands)
+    collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed)
     is_rendered = collection.latents is not None and "view" in collection.latents
     if collection.items.shape[1] != 1 or is_rendered:
-        return silhouette, collection
-    some = torch.linspace(0, len(collection) - 1, min(len(collection), CHECKED)).long()
+        return collection, observations
+    some = collection.batch(torch.linspace(0, len(collection) - 1, min(len(collection), CHECKED)).long())
     by_reader = data is not None and Path(data).is_dir()
-    if not by_reader and common_fill(collection.batch(some)) is None:
-        return silhouette, collection
-    cropped = Cropped(silhouette, common_height(collection.batch(some)))
+    if not by_reader and common_fill(some) is None:
+        return collection, observations
+    cropped = Cropped(silhouette, common_height(some))
     larger = collection if data is None else read(data, size=2 * collection.items.shape[-1])
-    return cropped, larger.mapped(cropped.prepare)
+    return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands)
 
 
 def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:

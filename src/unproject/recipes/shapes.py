@@ -13,14 +13,23 @@ from typing_extensions import Unpack
 
 from ..adversarial.adaptive import Adaptive
 from ..adversarial.augmentation import Affine
-from ..adversarial.losses import Hinge, Relativistic, Wasserstein
+from ..adversarial.losses import Hinge, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..domains import Volumes
 from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
 from ..projections.silhouette import Silhouette, mirrored_views
-from ..training import Adam, Options, Recipe, resumable
+from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, panel_of
-from .shape_panels import as_cropped, jointly_predicted, regulariser_of, silhouette_views, silhouettes_of, split_panel
+from .shape_panels import (
+    discriminator_of,
+    falling_adam,
+    jointly_predicted,
+    pictures_of,
+    regulariser_of,
+    silhouette_views,
+    silhouettes_of,
+    split_panel,
+)
 
 
 @resumable
@@ -47,6 +56,7 @@ def shapes(
     rounds: int = 40,
     balance: float = 0.8,
     init_views: bool = False,
+    tries: int = 3,
     mirror: bool = True,
     **options: Unpack[Options],
 ) -> Recipe:
@@ -80,35 +90,30 @@ def shapes(
         init_views: initialise predicted views by those of one mean shape, fitted to all silhouettes, instead of random
             ones. It helps for elongated shapes such as cars, whose views may otherwise never be found, and costs a few
             per cent for others such as chairs (docs/results.md).
+        tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
         mirror: shapes are symmetric left to right; turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
     direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
-    collection = silhouettes_of(data, views, silhouette_views(silhouette, bins, bands), views_per_shape, binary, seed)
-    projection, collection = as_cropped(silhouette, collection, data)
-    observations = silhouette_views(projection, bins, bands)
-    mirrored = mirrored_views(bins, bands) if mirror else None
-    predicted = jointly_predicted(rounds, balance, information, mirrored, init_views)
-    panel = split_panel(views, observations, collection, predicted, seed if augment else None, flips)
-    adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+    collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
+    joint = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands) if mirror else (), init_views)
+    panel = split_panel(views, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
         generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=not direct),
-        discriminator=partial(
-            Discriminator, channels=16 if direct else 32, shared=4, bottleneck=256, common=True, volumetric=direct
-        ),
+        discriminator=discriminator_of(direct),
         panels=[panel],
-        domain=Volumes(sized=projection is silhouette),
-        loss=Relativistic(),
+        domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine()),
         regulariser=regulariser_of(0.0 if direct else solid, connected),
-        generator_optimiser=adam,
-        discriminator_optimiser=adam,
+        generator_optimiser=falling_adam(rate),
+        discriminator_optimiser=falling_adam(rate),
         batch=48,
         views_per_sample=1 if direct else 4,
         steps=4000,
         seed=seed,
+        tries=Tries(tries) if views == "predicted" else None,
     ).configured(options)
 
 

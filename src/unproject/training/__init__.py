@@ -4,5 +4,19 @@ from .loop import resume, train
 from .origin import make, rebuild, resumable
 from .recipe import Adam, Options, Origin, Recipe
 from .run import Run, load
+from .tries import Tries
 
-__all__ = ["Adam", "Options", "Origin", "Recipe", "Run", "load", "make", "rebuild", "resumable", "resume", "train"]
+__all__ = [
+    "Adam",
+    "Options",
+    "Origin",
+    "Recipe",
+    "Run",
+    "Tries",
+    "load",
+    "make",
+    "rebuild",
+    "resumable",
+    "resume",
+    "train",
+]

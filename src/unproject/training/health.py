@@ -25,16 +25,16 @@ def diversity(real: Tensor, fake: Tensor) -> float:
     return float(fake.std(0).mean() / real.std(0).mean().clamp_min(1e-9))
 
 
-def check(step: int, losses: dict[str, float], ratio: float, collapsed: int) -> int:
+def check(step: int, losses: dict[str, float], ratio: float, collapsed: int, began: int = 0) -> int:
     """Raise Diverged, or return how many checks in a row found the generated images all alike.
 
     A batch counts as collapsed when its diversity, `ratio`, is less than 2 % of the real one's. Five checks in a row,
-    after the first 300 steps, raise.
+    after the first 300 steps since training `began`, raise.
     """
     for name, value in losses.items():
         if not math.isfinite(value):
             raise Diverged(f"training broke down at step {step}: {name} is {value}; lower the learning rate")
-    collapsed = collapsed + 1 if ratio < COLLAPSED and step > WARM_UP else 0
+    collapsed = collapsed + 1 if ratio < COLLAPSED and step - began > WARM_UP else 0
     if collapsed >= PATIENCE:
         raise Diverged(
             f"training collapsed at step {step}: everything generated looks the same "

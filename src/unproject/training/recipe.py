@@ -19,6 +19,7 @@ from ..adversarial.regularisers import Regulariser
 from ..assignment import Panel
 from ..domains import Domain
 from ..networks import Discriminator, Generator
+from .tries import Tries
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,7 @@ class Recipe:
         precision: bfloat16 runs the networks under autocast.
         compile: compile the generator with torch.compile.
         checkpoint_every: steps between checkpoints (and sample pictures).
+        tries: several short starts, of which the best goes on (default: one start).
 
     Raises:
         UserError: for no panel, no budget, or a number out of range.
@@ -141,6 +143,7 @@ class Recipe:
     precision: Literal["float32", "bfloat16"] = "float32"
     compile: bool = False
     checkpoint_every: int = 500
+    tries: Tries | None = field(default=None, metadata={"described": "if given"})
     origin: Origin | None = field(default=None, compare=False, repr=False, metadata={"described": False})
 
     def __post_init__(self) -> None:

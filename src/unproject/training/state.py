@@ -19,13 +19,17 @@ from ..domains import Domain, domain_of
 from ..networks import Generator
 from .recipe import Adam, Recipe
 
+KEPT = "kept/"
+"""Prefix of the tensors of the best try."""
+
 
 @dataclass
 class Counters:
     """The numbers of a state.
 
     `rollbacks` counts returns to a checkpoint, `collapsed` the checks in a row that found all samples alike, `lines`
-    the lines of stats.jsonl; `rate_scale` is a factor of all learning rates.
+    the lines of stats.jsonl; `rate_scale` is a factor of all learning rates. `tried` counts the tries that have ended,
+    `best_merit` is the merit of the best of them, and `began` the step at which the present one began.
     """
 
     step: int = 0
@@ -34,6 +38,9 @@ class Counters:
     lines: int = 0
     seconds: float = 0.0
     rate_scale: float = 1.0
+    tried: int = 0
+    began: int = 0
+    best_merit: float = 0.0
 
 
 @dataclass
@@ -52,11 +59,12 @@ class PanelState:
 
 
 class State:
-    """Networks, averaged weights, optimisers, assignments and counters of a run."""
+    """Networks, averaged weights, optimisers, assignments and counters of a run, and what is kept of its best try."""
 
     def __init__(self, recipe: Recipe, device: torch.device) -> None:
         self.recipe, self.device = recipe, device
         self.counters = Counters()
+        self.kept: dict[str, Tensor] = {}
         with seeded(recipe.seed, "weights"):
             self._build_networks(recipe)
             assignments = begin_assignments(recipe)
@@ -82,6 +90,25 @@ class State:
             self._build_networks(self.recipe)
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
+
+    def keep(self) -> None:
+        """Keep the state as it is now, but for the counters."""
+        self.kept = {name: value for name, value in self.tensors().items() if not name.startswith(("counters/", KEPT))}
+
+    def begin_again(self, number: int) -> None:
+        """Begin a try from new weights and new assignments."""
+        seed = derived_seed(self.recipe.seed, number, "try")
+        with seeded(seed, "weights"):
+            self._build_networks(self.recipe)
+            assignments = begin_assignments(self.recipe, seed)
+        for panel, discriminator, assignment in zip(self.panels, self.discriminators, assignments, strict=True):
+            panel.discriminator, panel.assignment = discriminator, assignment.to(self.device)
+
+    def take_kept(self) -> None:
+        """Return to the state that was kept, but for the counters."""
+        counters = {name: value for name, value in self.tensors().items() if name.startswith("counters/")}
+        self.load({**self.kept, **counters})
+        self.kept = {}
 
     def update_average(self, half_life: float) -> None:
         """Move the averaged weights towards the generator's.
@@ -120,7 +147,8 @@ class State:
         for i, panel in enumerate(self.panels):
             named[f"panels/{i}/gradient_norm"] = torch.tensor(panel.gradient_norm, dtype=torch.float64)
         counters = {f"counters/{k}": torch.tensor(v, dtype=torch.float64) for k, v in vars(self.counters).items()}
-        return {k: v.detach().cpu().contiguous().clone() for k, v in {**named, **counters}.items()}
+        kept = {f"{KEPT}{k}": v for k, v in self.kept.items()}
+        return {k: v.detach().cpu().contiguous().clone() for k, v in {**named, **counters, **kept}.items()}
 
     def load(self, tensors: dict[str, Tensor]) -> None:
         """Take over stored tensors. Raises UserError if they are not those of this recipe."""
@@ -138,11 +166,13 @@ class State:
             _load_optimiser(optimiser, stripped(tensors, prefix))
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
+        self.kept = {k.removeprefix(KEPT): v for k, v in tensors.items() if k.startswith(KEPT)}
 
 
-def begin_assignments(recipe: Recipe) -> list[AssignmentState]:
-    """Begin the assignment of each panel."""
-    seeds = [recipe.seed if i == 0 else derived_seed(recipe.seed, i, "panel") for i in range(len(recipe.panels))]
+def begin_assignments(recipe: Recipe, seed: int | None = None) -> list[AssignmentState]:
+    """Begin the assignment of each panel, with the recipe's seed or another."""
+    seed = recipe.seed if seed is None else seed
+    seeds = [seed if i == 0 else derived_seed(seed, i, "panel") for i in range(len(recipe.panels))]
     return [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
 
 

@@ -21,6 +21,7 @@ from .._random import derived_seed, generator_at
 from ..networks import Generator
 from . import checkpoint
 from .balancing import balanced_loss
+from .choosing import choose
 from .distribution import Distribution
 from .health import EVERY, check, check_finite, diversity
 from .overfitting import adapt, held_out_logits
@@ -74,6 +75,8 @@ class Trainer:
         """
         recipe, state = self.recipe, self.state
         progress = self.progress()
+        if choose(state, progress, self.distribution.copy_from_leader, self.record):
+            self.forward = self._compiled()
         if not self._assign(progress):
             return
         began = time.monotonic()
@@ -188,7 +191,7 @@ class Trainer:
         if counters.step % EVERY == 0:
             numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
             ratio = self.distribution.average(diversity(batch.real, batch.fake.detach()))
-            counters.collapsed = check(counters.step, numbers, ratio, counters.collapsed)
+            counters.collapsed = check(counters.step, numbers, ratio, counters.collapsed, counters.began)
             self.record(**{k: round(v, 6) for k, v in numbers.items()}, **self._panel_log())
             self.recorder.show(progress, f"step {counters.step}")
         if counters.step % self.recipe.checkpoint_every == 0:
