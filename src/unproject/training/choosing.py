@@ -34,8 +34,7 @@ def choose(
     synchronise([merit])
     record(event="tried", number=counters.tried, merit=round(merit.item(), 4))
     if counters.tried == 0 or merit.item() > counters.best_merit:
-        counters.best_merit = merit.item()
-        state.keep()
+        state.keep(merit.item())
     counters.tried, counters.began, counters.collapsed = counters.tried + 1, counters.step, 0
     if counters.tried < tries.count:
         state.begin_again(counters.tried)

@@ -29,7 +29,8 @@ class Counters:
 
     `rollbacks` counts returns to a checkpoint, `collapsed` the checks in a row that found all samples alike, `lines`
     the lines of stats.jsonl; `rate_scale` is a factor of all learning rates. `tried` counts the tries that have ended,
-    `best_merit` is the merit of the best of them, and `began` the step at which the present one began.
+    `best_merit` is the merit of the best of them and `best_start` its number; the present state began as the try of
+    number `start`, at the step `began`.
     """
 
     step: int = 0
@@ -39,7 +40,9 @@ class Counters:
     seconds: float = 0.0
     rate_scale: float = 1.0
     tried: int = 0
+    start: int = 0
     began: int = 0
+    best_start: int = 0
     best_merit: float = 0.0
 
 
@@ -91,21 +94,32 @@ class State:
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
 
-    def keep(self) -> None:
+    def keep(self, merit: float) -> None:
         """Keep the state as it is now, but for the counters."""
+        self.counters.best_merit, self.counters.best_start = merit, self.counters.start
         self.kept = {name: value for name, value in self.tensors().items() if not name.startswith(("counters/", KEPT))}
 
     def begin_again(self, number: int) -> None:
         """Begin a try from new weights and new assignments."""
-        seed = derived_seed(self.recipe.seed, number, "try")
-        with seeded(seed, "weights"):
+        with seeded(self._seed_of(number), "weights"):
             self._build_networks(self.recipe)
-            assignments = begin_assignments(self.recipe, seed)
-        for panel, discriminator, assignment in zip(self.panels, self.discriminators, assignments, strict=True):
-            panel.discriminator, panel.assignment = discriminator, assignment.to(self.device)
+            self._begin_assignments(number)
+        for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
+            panel.discriminator = discriminator
+
+    def _begin_assignments(self, number: int) -> None:
+        """Begin the assignments of a try, whose draws depend on its seed."""
+        assignments = begin_assignments(self.recipe, self._seed_of(number))
+        for panel, assignment in zip(self.panels, assignments, strict=True):
+            panel.assignment = assignment.to(self.device)
+        self.counters.start = number
+
+    def _seed_of(self, number: int) -> int:
+        return derived_seed(self.recipe.seed, number, "try") if number else self.recipe.seed
 
     def take_kept(self) -> None:
         """Return to the state that was kept, but for the counters."""
+        self.counters.start = self.counters.best_start
         counters = {name: value for name, value in self.tensors().items() if name.startswith("counters/")}
         self.load({**self.kept, **counters})
         self.kept = {}
@@ -160,6 +174,7 @@ class State:
     def _load(self, tensors: dict[str, Tensor]) -> None:
         for name, value in vars(self.counters).items():
             setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
+        self._begin_assignments(self.counters.start)
         for prefix, module in self.modules():
             load_module(module, tensors, prefix)
         for prefix, optimiser in self.optimisers():  # an assignment says which it has once its module is loaded

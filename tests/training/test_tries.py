@@ -1,0 +1,118 @@
+"""Tries: the best of several starts goes on, as it was, and a run that is killed among them resumes bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from comparing import differences, stats
+from torch import Tensor
+from toy import toy
+
+from unproject._types import UserError
+from unproject.assignment import PredictedState
+from unproject.domains import Domain
+from unproject.training import Tries, resume, train, trainer
+from unproject.training.health import check
+from unproject.training.state import State
+from unproject.training.trainer import Trainer
+
+RECIPE = toy(steps=12, checkpoint_every=2, starts=(0.1, 0.3, 0.7)).replace(tries=Tries(3, 0.2, least_steps=1))
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL where the instant must be exact."""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Domain, "write_preview", lambda *_: None)
+    monkeypatch.setattr(trainer, "EVERY", 2)
+
+
+def merits(monkeypatch: pytest.MonkeyPatch, *values: float) -> None:
+    """What each try ends with."""
+    left: Iterator[float] = iter(values)
+    monkeypatch.setattr(PredictedState, "merit", lambda _: next(left))
+
+
+@pytest.mark.parametrize("best, values", [(0, (0.9, 0.5, 0.8)), (1, (0.1, 0.7, 0.7)), (2, (0.1, 0.0, 0.2))])
+def test_the_best_goes_on_as_it_was(
+    best: int, values: tuple[float, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Weights, moments, averages and assignments; the counters go on."""
+    merits(monkeypatch, *values)
+    ends: list[dict[str, Tensor]] = []
+    again, take = State.begin_again, State.take_kept
+    monkeypatch.setattr(State, "begin_again", lambda s, n: (ends.append(s.tensors()), again(s, n)))
+
+    def taken(state: State) -> None:
+        ends.append(state.tensors())
+        take(state)
+        now = state.tensors()
+        assert set(now) == {name for name in ends[best] if not name.startswith("kept/")}
+        for name, value in now.items():
+            expected = ends[-1] if name.startswith("counters/") else ends[best]
+            assert torch.equal(value, expected[name]) or name == "counters/start", name
+        assert state.counters.start == best
+
+    monkeypatch.setattr(State, "take_kept", taken)
+    run = train(RECIPE, tmp_path / "run", quiet=True)
+    assert len(ends) == 3 and run.step == 12
+    weights = [end["generator/bias"] if "generator/bias" in end else next(iter(end.values())) for end in ends]
+    assert not torch.equal(weights[0], weights[1]) and not torch.equal(weights[1], weights[2])
+    tried = [line for line in stats(run.path) if line.get("event") == "tried"]
+    assert [line["merit"] for line in tried] == list(values) and [line["number"] for line in tried] == [0, 1, 2]
+    assert [line["step"] for line in tried] == [3, 5, 8]
+
+
+@pytest.mark.parametrize("killed_at", [2, 4, 6, 9, 11])
+def test_killed_among_tries(killed_at: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = train(RECIPE, tmp_path / "whole", quiet=True).path
+    update, calls = Trainer._update_generator, 0  # pyright: ignore[reportPrivateUsage]
+
+    def deadly(self: Trainer, *arguments: Any) -> Tensor:
+        nonlocal calls
+        calls += 1
+        if calls == killed_at:
+            raise Killed
+        return update(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "_update_generator", deadly)
+        with pytest.raises(Killed):
+            train(RECIPE, tmp_path / "run", quiet=True)
+    if (tmp_path / "run" / "checkpoints").exists():
+        resume(tmp_path / "run", RECIPE, quiet=True)
+        assert differences(whole, tmp_path / "run") == []
+
+
+def test_a_start_too_short_to_tell_goes_on(tmp_path: Path) -> None:
+    short = RECIPE.replace(tries=Tries(3, 0.2, least_steps=4))
+    one = train(short, tmp_path / "short", quiet=True).path
+    none = train(RECIPE.replace(tries=None), tmp_path / "none", quiet=True).path
+    assert not [line for line in stats(one) if line.get("event") == "tried"]
+    assert [d for d in differences(one, none) if d not in ("counters/tried",)] == []
+
+
+def test_the_merit_of_predicted_views_is_their_information(tmp_path: Path) -> None:
+    run = train(RECIPE, tmp_path / "run", quiet=True)
+    (state,) = run.assignments(RECIPE)
+    assert state.merit() == pytest.approx(state.checks()["view_information"].value)
+    assert toy(views="known").panels[0].assignment.begin(toy(views="known").panels[0], 0).merit() == 0
+
+
+def test_a_new_try_has_time_to_vary() -> None:
+    losses = {"loss_d": 1.0}
+    assert check(400, losses, 0.0, 3) == 4 and check(400, losses, 0.0, 3, began=200) == 0
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"count": 0}, {"share": 0.0}, {"count": 4, "share": 0.25}, {"least_steps": 0}], ids=str
+)
+def test_tries_that_cannot_be_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(UserError, match="at least one try"):
+        Tries(**wrong)
