@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .framing import bounding_box, common_fill, framed, unit_sized
+from .framing import bounding_box, common_fill, common_height, framed, unit_sized
 from .hull import visual_hull
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
@@ -16,6 +16,7 @@ __all__ = [
     "bounding_box",
     "camera_frame",
     "common_fill",
+    "common_height",
     "capped_sum",
     "expected_depth",
     "floating_parts",

@@ -120,10 +120,11 @@ def _shares(middle: Tensor, cell: Tensor, count: int, size: int) -> Tensor:
     return shared.clamp_min(0) / cell[:, None, None]
 
 
-def common_fill(silhouettes: Tensor, tolerance: float = 1.5, share: float = 0.95) -> float | None:
+def common_fill(silhouettes: Tensor, tolerance: float = 0.05, share: float = 0.95) -> float | None:
     """Return the `fill` that silhouettes (N, 1, H, W) were cropped with; None if they were not cropped one by one.
 
-    They were if at least `share` of them are centred, and equally long on their longer side, within `tolerance` pixels.
+    They were if at least `share` of them are centred, and equally long on their longer side, within a `tolerance` of the
+    frame.
 
     Examples:
         >>> import torch, unproject as up
@@ -136,7 +137,7 @@ def common_fill(silhouettes: Tensor, tolerance: float = 1.5, share: float = 0.95
     row, column = box.centre
     longer = box.longer.median()
     off = torch.stack([(row - height / 2).abs(), (column - width / 2).abs(), (box.longer - longer).abs()])
-    cropped = height == width and bool((off <= tolerance).all(0).double().mean() >= share)
+    cropped = height == width and bool((off <= tolerance * height).all(0).double().mean() >= share)
     return round(float(longer) / height, 3) if cropped else None
 
 

@@ -1,0 +1,111 @@
+"""Cropped: pictures of objects of one height, and projections that are such pictures."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.data import birds
+from unproject.ops import bounding_box, rotate_y
+from unproject.ops.resampling import centres
+from unproject.projections.cropped import Cropped
+from unproject.projections.observation import Observation
+from unproject.projections.priors import Product, Uniform
+from unproject.projections.silhouette import Silhouette, Window
+from unproject.testing import run_laws
+
+SIDE = 32
+LEVEL = Product(Uniform("azimuth", 0, 6.28), Uniform("elevation", 0, 0))
+ANYWHERE = Product(Uniform("azimuth", 0, 6.28), Uniform("elevation", -1.5, 1.5))
+
+
+def ball(radius: float, *centre: float) -> Tensor:
+    axes = torch.meshgrid(*[centres(SIDE, torch.zeros(()))] * 3, indexing="ij")
+    distance = torch.stack([axis - c for axis, c in zip(axes, centre, strict=True)]).norm(dim=0)
+    return ((radius - distance) * SIDE / 2 + 0.5).clamp(0, 1)
+
+
+PLACES = [(0.0, 0.0), (0.3, 0.1), (-0.25, 0.3), (0.1, -0.35)]
+
+
+@pytest.mark.parametrize("elevation", [0.0, 0.5, -1.0])
+def test_place_does_not_matter(elevation: float) -> None:
+    """A ball of the height that pictures are framed to gives the same disc from everywhere, wherever it is."""
+    look = Cropped(Silhouette(size=SIDE, rule="absorption", density=4.0), height=0.5)
+    volumes = torch.stack([ball(0.5, x, 0.0, z) for x, z in PLACES])
+    y = look(volumes, azimuth=torch.tensor([0.0, 0.7, 2.0, 4.0]), elevation=torch.full((4,), elevation))
+    assert (y - y[:1]).abs().flatten(1).mean(1).max() < 0.03
+    assert y.mean((1, 2, 3)).tolist() == pytest.approx([math.pi / 16] * 4, abs=0.035)  # rims are soft
+
+
+@pytest.mark.parametrize("elevation", [0.0, 0.6])
+def test_what_is_done_to_the_pictures_is_done_to_the_projections(elevation: float) -> None:
+    """Pictures of any scale and place of an object of the common height, prepared, are the object's projections."""
+    x, azimuth = birds(8, SIDE, seed=3), torch.arange(8) * 0.7
+    tilt = torch.full((8,), elevation)
+    tall = bounding_box(Silhouette()(x, azimuth=azimuth)).height / SIDE
+    silhouette = Silhouette(size=SIDE, rule="absorption", density=4.0)
+    for k in range(8):
+        look = Cropped(silhouette, height=float(tall[k]), width=1.0)
+        far = Silhouette(size=2 * SIDE, rule="absorption", density=4.0, viewport=1.4)
+        photograph = far(x[k : k + 1], azimuth=azimuth[k : k + 1], elevation=tilt[k : k + 1]).roll((7, -5), (2, 3))
+        y = look(x[k : k + 1], azimuth=azimuth[k : k + 1], elevation=tilt[k : k + 1])
+        assert (look.prepare(photograph) - y).abs().mean() < 0.06
+
+
+def test_an_object_of_another_height_keeps_its_height() -> None:
+    """So that the discriminator settles the size."""
+    look = Cropped(Silhouette(size=SIDE), height=0.5)
+    for radius in (0.3, 0.6):
+        y = look(ball(radius, 0.1, 0.2, 0.0)[None], azimuth=torch.tensor([0.3]), elevation=torch.zeros(1))
+        assert bounding_box(y).height.item() / SIDE == pytest.approx(radius, abs=0.04)
+
+
+@pytest.mark.parametrize("rule", ["any", "alpha", "absorption"])
+def test_a_window_sees_a_part_of_the_picture(rule: str) -> None:
+    """The pixels of a window that lie on those of the whole picture have the same values."""
+    x, azimuth = birds(3, SIDE, seed=1), torch.tensor([0.0, 1.0, 4.0])
+    window = Window(torch.full((3,), 0.5), torch.tensor([0.0, 3.0, -8.0]) / 16, torch.tensor([8.0, -2.0, 0.0]) / 16)
+    part = Silhouette(size=16, rule=rule).seen(x, azimuth, None, window)  # type: ignore[arg-type]
+    whole = Silhouette(size=32, rule=rule)(x, azimuth=azimuth)  # type: ignore[arg-type]
+    for k, (row, column) in enumerate([(0, 8), (10, 11), (8, 0)]):
+        torch.testing.assert_close(part[k], whole[k, :, row : row + 16, column : column + 16], atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("rule", ["any", "absorption"])
+def test_gradients_through_a_window(rule: str) -> None:
+    silhouette = Silhouette(size=6, rule=rule)  # type: ignore[arg-type]
+    x = torch.rand(3, 5, 5, 5, dtype=torch.float64, generator=generator_at(0)).requires_grad_()
+    places = ([0.5, 0.8, 1.2], [0.1, -0.2, 0.0], [0.05, 0.1, -0.3])
+    window = Window(*(torch.tensor(place, dtype=torch.float64) for place in places))
+    assert torch.autograd.gradcheck(lambda v: silhouette.seen(v, torch.tensor([0.3, 2.0, 4.0]), None, window), (x,))
+
+
+def test_the_middle_is_that_of_the_view() -> None:
+    x = torch.cat([ball(0.2, 0.5, 0.0, 0.0)[None], ball(0.2, 0.0, 0.0, 0.5)[None]])
+    look = Cropped(Silhouette(size=SIDE), height=0.3)
+    y = look(x, azimuth=torch.tensor([0.0, math.pi / 2]), elevation=torch.zeros(2))
+    row, column = bounding_box(y).centre
+    assert column.tolist() == pytest.approx([SIDE / 2] * 2, abs=0.2) and row.tolist() == pytest.approx([SIDE / 2] * 2)
+    assert torch.allclose(y[0], y[1], atol=0.02)
+    assert rotate_y(x, torch.zeros(2)).shape == x.shape
+
+
+@pytest.mark.parametrize("prior", [LEVEL, ANYWHERE], ids=["level", "anywhere"])
+@pytest.mark.parametrize("rule", ["any", "absorption"])
+def test_all_laws_hold_but_that_of_the_gradient(rule: str, prior: Product) -> None:
+    """Where the object is in the picture is a constant for gradients."""
+    look = Cropped(Silhouette(size=6, rule=rule), 0.5)  # type: ignore[arg-type]
+    results = run_laws(Observation("cropped", look, prior))
+    assert {result.name for result in results if not result.passed} <= {"differentiable"}
+
+
+@pytest.mark.parametrize("wrong", [{"height": 0.0}, {"width": 1.1}, {"silhouette": Silhouette()}], ids=str)
+def test_frames_that_cannot_be_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(UserError, match="give the silhouette a size"):
+        Cropped(**{"silhouette": Silhouette(size=8), **wrong})  # type: ignore[arg-type]

@@ -1,0 +1,91 @@
+"""Pictures that were cropped one by one are learned as such; others, and what is rendered here, are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from unproject.assignment import JointlyPredicted
+from unproject.domains import Volumes
+from unproject.ops import bounding_box
+from unproject.projections.cropped import Cropped
+from unproject.projections.silhouette import Silhouette
+from unproject.recipes.shapes import shapes
+from unproject.training import Recipe, train
+
+SMALL: dict[str, Any] = {"size": 16, "bins": 4, "channels": 8, "rank": 2}
+SILHOUETTE = Silhouette(size=16, rule="absorption", density=2.0)
+
+
+def only_projection(recipe: Recipe) -> Any:
+    (panel,) = recipe.panels
+    return panel.projection
+
+
+def as_arrays(masks: Path) -> Path:
+    """The same pictures as arrays, which are taken as they are."""
+    pictures = [np.asarray(Image.open(path)) for path in sorted(masks.glob("*.png"))]
+    np.savez(masks / "masks.npz", images=np.stack(pictures))
+    return masks / "masks.npz"
+
+
+@pytest.mark.parametrize("views", ["predicted", "known", "single", "learned"])
+def test_a_folder_of_pictures_is_cropped(views: Any, known_masks: Path) -> None:
+    made = shapes(data=known_masks, views=views, **SMALL)
+    look = only_projection(made)
+    assert isinstance(look, Cropped) and look.silhouette == SILHOUETTE and 0.2 <= look.height <= 0.85
+    assert made.domain == Volumes(sized=False)
+    (panel,) = made.panels
+    box = bounding_box(torch.cat([part.floats() for part in panel.collections]))
+    assert (box.height / 16 - look.height).abs().quantile(0.8) < 0.1
+
+
+def test_arrays_of_pictures_of_many_sizes_are_not(masks: Path) -> None:
+    made = shapes(data=as_arrays(masks), **SMALL)
+    assert isinstance(only_projection(made), Silhouette)
+    assert made.domain == Volumes(sized=True)
+
+
+@pytest.mark.parametrize("views", ["predicted", "known", "direct"])
+def test_rendered_volumes_are_not_even_if_all_are_equal(views: Any, tmp_path: Path) -> None:
+    balls = np.zeros((6, 16, 16, 16), np.float32)
+    balls[:, 3:13, 3:13, 3:13] = 1
+    np.savez(tmp_path / "balls.npz", volume=balls)
+    made = shapes(data=tmp_path / "balls.npz", views=views, **SMALL)
+    assert not isinstance(only_projection(made), Cropped) and made.domain == Volumes()
+
+
+@pytest.mark.parametrize("mirror", [True, False])
+def test_views_are_predicted_jointly_with_the_weight_that_is_asked_for(mirror: bool, masks: Path) -> None:
+    (panel,) = shapes(data=masks, information=0.7, mirror=mirror, **SMALL).panels
+    assert isinstance(panel.assignment, JointlyPredicted) and panel.assignment.weight == 0.7
+    assert panel.assignment.fit.mirrored == ((0, 3, 2, 1) if mirror else None)
+
+
+@pytest.mark.parametrize("views", ["predicted", "known", "single", "learned"])
+def test_every_arm_trains_on_cropped_pictures(views: Any, known_masks: Path, tmp_path: Path) -> None:
+    made = shapes(data=known_masks, views=views, steps=2, **SMALL).replace(batch=8, views_per_sample=2)
+    run = train(made, tmp_path / "run", quiet=True)
+    assert run.step == 2 and run.generator.sample(2).shape == (2, 16, 16, 16)
+
+
+def test_direct_training_trains(volumes: Path, tmp_path: Path) -> None:
+    made = shapes(data=volumes, views="direct", steps=2, **SMALL).replace(batch=4, views_per_sample=1)
+    assert train(made, tmp_path / "run", quiet=True).step == 2
+
+
+def test_cropped_objects_are_scored_at_one_size() -> None:
+    small, large = torch.zeros(2, 1, 16, 16, 16)
+    small[:, 2:6, 4:8, 2:8], large[:, 4:12, 3:11, 2:14] = 1, 1
+    pair = [torch.cat([x, x.flip(1).roll(1, 2)]) for x in (small, large)]
+    free, sized = (Volumes(sized=sized).scores(*pair) for sized in (False, True))
+    assert set(free) == set(sized)
+    name = next(name for name in free if "coverage" not in name and "iou" in free[name].protocol)
+    assert free[name].value != sized[name].value
+    assert all("all at one size" in score.protocol for score in free.values())
+    assert not any("all at one size" in score.protocol for score in sized.values())
