@@ -29,8 +29,9 @@ from .._types import UserError
 from ..metrics import Score
 from .context import Context
 from .panel import Panel, shared_collection
-from .predicted import Predicted, PredictedState, information
+from .predicted import Predicted, PredictedState
 from .responsibilities import uniform_views
+from .view_findings import information
 
 MEMORY = 0.02
 """Share of the newest step in the moving average of the cross entropy."""

@@ -4,5 +4,19 @@ from .loop import resume, train
 from .origin import make, rebuild, resumable
 from .recipe import Adam, Options, Origin, Recipe
 from .run import Run, load
+from .verdict import Verdict
 
-__all__ = ["Adam", "Options", "Origin", "Recipe", "Run", "load", "make", "rebuild", "resumable", "resume", "train"]
+__all__ = [
+    "Adam",
+    "Options",
+    "Origin",
+    "Recipe",
+    "Run",
+    "Verdict",
+    "load",
+    "make",
+    "rebuild",
+    "resumable",
+    "resume",
+    "train",
+]
