@@ -11,7 +11,6 @@ marked "chosen on", and judged on the others.
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -58,8 +57,8 @@ def views_shuffled(pictures: Pictures) -> Pictures:
 
 
 def from_one_side(pictures: Pictures) -> Pictures:
-    """Only pictures from the half of all azimuths around 0."""
-    inside = pictures["azimuth"].cos() > 0
+    """Only pictures from within 30° of the front and of the back: none from the sides."""
+    inside = (2 * pictures["azimuth"]).cos() > 0.5
     return {name: values[inside] for name, values in pictures.items()}
 
 
@@ -95,7 +94,7 @@ CASES = (
     Case("birds, information 0", ("birds",), False, flags={"information": 0.0}),
     Case("chairs, known views shuffled", ("chairs",), False, views_shuffled, KNOWN),
     Case("cars, known views shuffled", ("cars",), False, views_shuffled, KNOWN),
-    Case("chairs, known views, one side only", ("chairs",), False, from_one_side, KNOWN),
+    Case("chairs, known views, no side views", ("chairs",), False, from_one_side, KNOWN),
 )
 
 
@@ -129,3 +128,66 @@ def trained(case: Case, runs: Path) -> tuple[Run, Recipe]:
     if not list(folder.glob("run/checkpoints/*.safetensors")):
         train(recipe, folder / "run", device="cpu", quiet=True)
     return load(folder / "run"), recipe
+
+
+def truth(run: Run, case: Case) -> float:
+    """Return the MMD of samples to held-out shapes, up to gauge if views were unknown, over that of training shapes."""
+    x, reference = run.sample(64, seed=1), volumes(case, 1)
+    if case.flags.get("views") != "known":
+        x = apply(x, best_gauge(x, reference, 2 * BINS))
+    own = minimum_matching_distance(one_minus_iou(volumes(case, 0), reference))
+    return minimum_matching_distance(one_minus_iou(x, reference)) / own
+
+
+def row(case: Case, chosen_on: bool, runs: Path) -> dict[str, Any]:
+    """Train, judge, and say what the verdict should have been."""
+    try:
+        run, recipe = trained(case, runs)
+    except UserError as error:  # training that diverges twice says so itself
+        return {"name": case.name, "right": case.right, "chosen_on": chosen_on, "word": "failed", "line": str(error)}
+    began = time.monotonic()
+    verdict = run.verdict(recipe=recipe)
+    found = {"name": case.name, "right": case.right, "chosen_on": chosen_on, "word": verdict.word, "line": verdict.line}
+    values = {finding.name: round(finding.score.value, 3) for finding in verdict.findings}
+    return found | {"seconds": time.monotonic() - began, "truth": truth(run, case), "values": values}
+
+
+def is_right(found: dict[str, Any]) -> bool:
+    return found["right"] == (found["word"] == "good")
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    lines = ["| run | should be | verdict | right | levels | truth | line |", "|" + "---|" * 7]
+    for found in rows:
+        cells = (
+            found["name"],
+            "good" if found["right"] else "not good",
+            found["word"],
+            "yes" if is_right(found) else "NO",
+            "chosen on" if found["chosen_on"] else "judged on",
+            f"{found['truth']:.2f}" if "truth" in found else "",
+            found["line"],
+        )
+        lines.append("| " + " | ".join(cells) + " |")
+    for chosen_on in (True, False):
+        some = [found for found in rows if found["chosen_on"] == chosen_on]
+        kind = "that the levels were chosen on" if chosen_on else "that they are judged on"
+        lines.append(f"\nruns {kind}: {sum(map(is_right, some))} of {len(some)} right")
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=Path, default=Path("runs/verdicts"))
+    parser.add_argument("--threads", type=int, default=1)
+    options = parser.parse_args(argv)
+    torch.set_num_threads(options.threads)
+    rows = []
+    for i, case in enumerate(CASES):
+        rows.append(row(case, i % 2 == 0, options.runs))
+        print(rows[-1], flush=True)
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()

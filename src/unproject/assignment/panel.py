@@ -230,11 +230,7 @@ class AssignmentState(nn.Module):
         return []
 
     def view_shares(self, real: Tensor) -> Tensor | None:
-        """Return (K,) the share of pictures of each observation; None if nothing is known of it.
-
-        Args:
-            real: (M, ...), pictures by which to estimate it.
-        """
+        """Return (K,) the share of pictures of each observation, estimated by `real` (M, ...); None if unknown."""
         return torch.bincount(self.views, minlength=len(self.panel.observations)) / len(self.views)
 
     def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
