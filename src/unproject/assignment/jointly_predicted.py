@@ -29,8 +29,9 @@ from .._types import UserError
 from ..metrics import Score
 from .context import Context
 from .panel import Panel, shared_collection
-from .predicted import Predicted, PredictedState, information
+from .predicted import Predicted, PredictedState
 from .responsibilities import uniform_views
+from .view_findings import information
 
 TOLD = 0.55
 """Share of log K from which on information counts as whole: objects that are their own mirror images hold 0.75."""

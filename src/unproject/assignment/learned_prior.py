@@ -111,6 +111,9 @@ class LearnedPriorState(AssignmentState):
     def log(self) -> dict[str, Any]:
         return {"views": [round(share, 4) for share in self.shares.tolist()]}
 
+    def view_shares(self, real: Tensor) -> Tensor:
+        return self.shares.detach().cpu()
+
     def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
         return torch.multinomial(self.shares.detach().cpu(), n, replacement=True, generator=rng)
 

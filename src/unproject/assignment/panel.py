@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from .._types import UserError
 from ..data import Collection
-from ..metrics import Score
+from ..metrics import Finding, Score
 from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
@@ -241,6 +241,14 @@ class AssignmentState(nn.Module):
     def checks(self) -> dict[str, Score]:
         """Return scores of the assignment that need no known views."""
         return {}
+
+    def findings(self, real: Tensor, generated: Tensor) -> list[Finding]:
+        """Judge the assignment by real pictures (M, ...), held out if there are such, and projections (N, ...)."""
+        return []
+
+    def view_shares(self, real: Tensor) -> Tensor | None:
+        """Return (K,) the share of pictures of each observation, estimated by `real` (M, ...); None if unknown."""
+        return torch.bincount(self.views, minlength=len(self.panel.observations)) / len(self.views)
 
     def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
         """Draw n views as frequent as those of the data."""

@@ -21,12 +21,13 @@ from torch import Tensor
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..data import Collection
-from ..metrics import Score
+from ..metrics import Finding, Score
 from ..projections.observation import Observation
 from .context import Context
 from .panel import Assignment, AssignmentState, Panel, shared_collection
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
 from .responsibilities import Estimator, uniform_views
+from .view_findings import are_found, entropy, information, view_findings
 
 REPORT_EVERY, SAVE_EVERY = 20, 5000
 """Steps of a fit between two checks for a request to stop, and between two checkpoints."""
@@ -263,12 +264,15 @@ class PredictedState(AssignmentState):
     def estimates(self) -> Tensor:
         return self.views
 
+    def findings(self, real: Tensor, generated: Tensor) -> list[Finding]:
+        return view_findings(self._of(real), self._of(generated))
 
-def information(p: Tensor) -> float:
-    """Return I(k; y) = H(mean p) - mean H(p) of the probabilities p (N, K), in nats."""
-    return (entropy(p.mean(0)) - entropy(p).mean()).item()
+    def view_shares(self, real: Tensor) -> Tensor | None:
+        """Return the mean probability of each view, before it is balanced."""
+        p = self._of(real)
+        return p.mean(0) if are_found(p) else None
 
-
-def entropy(p: Tensor) -> Tensor:
-    """Return the entropy of each row of p (..., K), in nats."""
-    return -(p * p.clamp_min(1e-12).log()).sum(-1)
+    def _of(self, images: Tensor) -> Tensor:
+        """Return the predictor's probabilities of images (N, ...), (N, K)."""
+        self.predictor.eval()
+        return self.settings.fit.probabilities(self.predictor, images.split(PREDICTED_AT_ONCE))

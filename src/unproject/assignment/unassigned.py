@@ -39,6 +39,9 @@ class UnassignedState(AssignmentState):
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         return self.panel.project(x, self.draw_views(len(x), rng), rng)
 
+    def view_shares(self, real: Tensor) -> None:
+        return None
+
     def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
         count = len(self.panel.observations)
         return torch.multinomial(torch.full((count,), 1 / count), n, replacement=True, generator=rng)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from .._types import UserError
 from ._machine import use_threads
+from ._verdict import verdict_of, verdict_table
 
 LONG = 40
 """Characters above which a part of several protocols becomes a footnote."""
@@ -34,7 +35,8 @@ def run(
     """Score a run: its samples, or projections of them, against held-out ones; estimated views against known ones.
 
     Samples are also checked by themselves: their diversity, and whether shapes are in one piece. Without a reference,
-    runs on data of your own are: projections against the training images, and what the view predictor knows.
+    runs on data of your own are: projections against the training images, and what the view predictor knows. The
+    verdict is the worst of its findings.
 
     Args:
         path: the run directory.
@@ -61,10 +63,14 @@ def run(
     else:
         against = held_out(read_origin(path), size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling, trust=trust)
+    verdict = verdict_of(opened, seed, trust)
     if json:
-        print(json_module.dumps({name: asdict(score) for name, score in scores.items()}, indent=1))
+        all_scores = scores | (verdict.scores() if verdict else {})
+        print(json_module.dumps({name: asdict(score) for name, score in all_scores.items()}, indent=1))
         return
     print(table(scores))
+    if verdict is not None:
+        print(verdict_table(verdict))
     if against is None:
         print("Self-checks only; --reference, held-out samples or projections, adds distances to them.")
 

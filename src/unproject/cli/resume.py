@@ -28,15 +28,17 @@ def run(
         device: where to compute.
         threads: processor threads (default: all cores).
         trust: import the recipe's code although it is not of this package.
-        quiet: no progress bar.
+        quiet: no progress bar, and no verdict on the screen.
     """
     from ..training import resume
+    from ._verdict import conclude
 
     use_threads(threads)
     before = _steps(path)
     finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet)
     spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""
     say(f"{path}: {finished.step} steps{spent}")
+    conclude(finished, quiet)
 
 
 def _steps(path: Path) -> int:

@@ -29,19 +29,21 @@ def run(
 ) -> None:
     """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
 
-    Memory and seconds of a step are estimated first.
+    Memory and seconds of a step are estimated first. A run whose budget is spent ends with a verdict in one line, which
+    verdict.json explains.
 
     Args:
         out: the run directory to make (default: runs/RECIPE-SEED).
         from_: a run whose weights to start from, to fine-tune its generator on other data (default: random weights).
         device: where to compute.
         threads: processor threads (default: all cores).
-        quiet: no progress bar.
+        quiet: no progress bar, and no verdict on the screen.
         force: train although the estimate says that memory is too small.
     """
     from ..training import train
     from ..training.run import is_foreign
     from ._machine import say, use_threads, warn_if_empty
+    from ._verdict import conclude
 
     use_threads(threads)
     _estimate(recipe, device)
@@ -56,6 +58,7 @@ def run(
     command = shlex.join(words + (["--trust"] if is_foreign(out) else []))
     stopped = "" if finished.complete else f" (stopped; unproject resume {shlex.quote(str(out))} continues)"
     say(f"{out}: {finished.step} steps{stopped}; next: unproject {command}")
+    conclude(finished, quiet)
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

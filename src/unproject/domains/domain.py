@@ -19,8 +19,9 @@ from .._files import atomic_path
 from .._types import UserError
 from ..data import Collection
 from ..export import Written, save_image
-from ..metrics import Score
+from ..metrics import Finding, Score
 from ..projections.observation import Observation
+from .evidence import MATCH, Evidence, match_finding, nearest, pairs, root_mean_square, variety_finding
 
 Exporter = Callable[..., Written]
 """(samples, path, **options) → what was written."""
@@ -97,6 +98,38 @@ class Domain(ABC):
     def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
         """Score projections of samples (N, ...) against those of the data (M, ...)."""
         return {}
+
+    def findings(self, x: Tensor, seed: int = 0) -> list[Finding]:
+        """Judge samples by themselves."""
+        return []
+
+    def picture_distance(self, a: Tensor, b: Tensor) -> Tensor:
+        """Return the distances (A, B) of projections (A, ...) and (B, ...)."""
+        return root_mean_square(a, b)
+
+    def picture_findings(self, seen: Evidence, seed: int = 0) -> list[Finding]:
+        """Judge projections of samples by held-out pictures: `match` and `variety` of `evidence`."""
+        d = self.picture_distance
+        base = nearest(d(seen.real, seen.others), seen.apart)
+        to_generated = d(seen.real, seen.generated).amin(1).mean().item()
+        n = len(seen.generated)
+        how = (
+            f"distance of {len(seen.real)} pictures to the nearest of {n} generated, over training pictures {base:.3f}"
+        )
+        varied = pairs(d(seen.generated, seen.generated)) / max(pairs(d(seen.real, seen.real)), 1e-6)
+        return [
+            match_finding(to_generated / max(base, 1e-6), how, n, MATCH, seed),
+            variety_finding(varied, f"mean distance of two of {n} generated pictures over that of real ones", n, seed),
+        ]
+
+    def side_findings(self, observations: Sequence[Observation], shares: Tensor, known: bool) -> list[Finding]:
+        """Judge from where samples were seen.
+
+        Args:
+            shares: (K,) the share of pictures of each observation.
+            known: whether views are known.
+        """
+        return []
 
     def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
         """Return how many turns of a sample explain the same data; None if samples have one pose.

@@ -15,15 +15,19 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, procedural_probes
-from ..metrics import Score, material_scores, patch_distance
+from ..metrics import Finding, Score, material_scores, patch_distance
 from ..ops.maps import pack_maps, unpack_maps
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections.rendering import Rendering
 from .domain import Domain, Exporter
+from .evidence import Evidence, match_finding
 
 LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))
 """Built-in light, and the camera's angle from the normal in radians."""
+
+MATCH = (4.0, 10.0)
+"""Levels (doubtful, failed) of the patch distance over that of training pictures."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,11 @@ class Maps(Domain):
         found = patch_distance(y, reference, seed=seed)
         how = f"sliced Wasserstein-1 of patches, {len(y)} generated vs {len(reference)}"
         return {"patch": Score(found.mean, how, len(y), seed)}
+
+    def picture_findings(self, seen: Evidence, seed: int = 0) -> list[Finding]:
+        found, base = (patch_distance(y, seen.real, seed=seed).mean for y in (seen.generated, seen.others))
+        how = f"patch distance of {len(seen.generated)} generated pictures, over that of training pictures {base:.4f}"
+        return [match_finding(found / max(base, 1e-6), how, len(seen.generated), MATCH, seed)]
 
     def read(self, path: Path, size: int) -> Collection:
         return Collection.materials(path, size).warn_skipped()

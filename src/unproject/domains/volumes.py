@@ -14,14 +14,18 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
-from ..metrics import Score, one_minus_iou, shape_scores, silhouette_scores
+from ..metrics import Finding, Score, one_minus_iou, shape_scores, silhouette_scores
 from ..ops.framing import unit_sized
 from ..ops.parts import largest_part, number_parts
 from ..projections.observation import Observation
 from .domain import Domain, Exporter
+from .evidence import Evidence, label_finding, likeness_finding, nearest
+from .sides import side_findings
 from .views import free_turns, view_bins
 
 CRUMB = 0.01
+WHOLE, EMPTY = (0.7, 0.3), (0.05, 0.5)
+"""Levels (doubtful, failed) of the shares of shapes in one piece, and of empty ones."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,27 @@ class Volumes(Domain):
             ),
             "empty": Score(empty, "share of volumes with nothing above 0.5", n, seed),
         }
+
+    def findings(self, x: Tensor, seed: int = 0) -> list[Finding]:
+        scores = self.checks(x, seed)
+        whole, empty = scores["in_one_piece"], scores["empty"]
+        pieces = f"{whole.value:.0%} of shapes are in one piece"
+        removed = "train longer or with --connected 1; export removes parts that float"
+        return [
+            Finding("pieces", whole, *WHOLE, pieces, removed),
+            Finding("empty", empty, *EMPTY, f"{empty.value:.0%} of shapes are empty", "train longer, or lower --rate"),
+        ]
+
+    def picture_distance(self, a: Tensor, b: Tensor) -> Tensor:
+        return one_minus_iou(a, b)
+
+    def picture_findings(self, seen: Evidence, seed: int = 0) -> list[Finding]:
+        distance = one_minus_iou(seen.real, seen.generated)
+        likeness = likeness_finding(nearest(one_minus_iou(seen.real, seen.others), seen.apart), len(seen.real), seed)
+        return [*super().picture_findings(seen, seed), *label_finding(distance, seen, seed), likeness]
+
+    def side_findings(self, observations: Sequence[Observation], shares: Tensor, known: bool) -> list[Finding]:
+        return side_findings(observations, shares, known)
 
     def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
         return free_turns(observations, False) if observations[0].prior.names and not fixed else None

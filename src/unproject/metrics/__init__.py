@@ -3,6 +3,7 @@
 from .confusion import confusion_picture
 from .distances import chamfer, exposed_faces, one_minus_iou, surface_points
 from .feature_sets import cubic_kernel, density_coverage, frechet_distance, kernel_distance, precision_recall
+from .finding import WORDS, Finding, Word, worst
 from .gauge import Gauge, apply, apply_to_images, best_gauge, dihedral
 from .image_scores import best_image_gauge, image_scores
 from .line_sets import line_scores
@@ -16,12 +17,15 @@ from .silhouette_sets import silhouette_features, silhouette_scores
 from .views import ViewAccuracy, chance_level, of_ceiling, view_accuracy, view_scores
 
 __all__ = [
+    "WORDS",
     "CorrelationError",
     "CorrelationTable",
+    "Finding",
     "Gauge",
     "PatchDistance",
     "Score",
     "ViewAccuracy",
+    "Word",
     "apply",
     "apply_to_images",
     "best_gauge",
@@ -56,4 +60,5 @@ __all__ = [
     "texture_features",
     "view_accuracy",
     "view_scores",
+    "worst",
 ]

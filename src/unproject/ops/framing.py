@@ -123,8 +123,8 @@ def _shares(middle: Tensor, cell: Tensor, count: int, size: int) -> Tensor:
 def common_fill(silhouettes: Tensor, tolerance: float = 0.05, share: float = 0.95) -> float | None:
     """Return the `fill` that silhouettes (N, 1, H, W) were cropped with; None if they were not cropped one by one.
 
-    They were if at least `share` of them are centred, and equally long on their longer side, within a `tolerance` of the
-    frame.
+    They were if at least `share` of them are centred, and equally long on their longer side, within `tolerance` times
+    the frame.
 
     Examples:
         >>> import torch, unproject as up

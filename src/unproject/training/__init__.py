@@ -5,6 +5,7 @@ from .origin import make, rebuild, resumable
 from .recipe import Adam, Options, Origin, Recipe
 from .run import Run, load
 from .tries import Tries
+from .verdict import Verdict
 
 __all__ = [
     "Adam",
@@ -13,6 +14,7 @@ __all__ = [
     "Recipe",
     "Run",
     "Tries",
+    "Verdict",
     "load",
     "make",
     "rebuild",

@@ -112,6 +112,7 @@ def resume(
     with run_directory.locked(path, distribution.leads):
         if distribution.leads:
             run_directory.remove_temporaries(path)
+            (path / run_directory.VERDICT).unlink(missing_ok=True)  # it was the verdict on fewer steps
         if checkpoint.list_checkpoints(path / "checkpoints"):
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
         elif run_directory.read_recipe(path)["start"] is not None:

@@ -26,6 +26,7 @@ from .origin import rebuild
 from .recipe import Recipe
 from .run_directory import read_origin, read_recipe
 from .state import begin_assignments, load_module
+from .verdict import Verdict, judge
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,19 @@ class Run:
             return self_checks(self.generator, self.domain, states, count, seed) | views
         items = reference.floats() if isinstance(reference, Collection) else reference
         return sample_scores(self.generator, self.domain, states, items, count, seed) | views
+
+    def verdict(self, *, seed: int = 0, recipe: Recipe | None = None, trust: bool = False) -> Verdict:
+        """Judge the run by a few dozen samples: whether views are found, projections match pictures, and so on.
+
+        Args:
+            seed: of the samples and of the measurement.
+            recipe: the run's recipe (default: made again by the run's recipe function).
+            trust: import the recipe's code although it is not of this package.
+
+        Raises:
+            UserError: if the recipe cannot be made.
+        """
+        return judge(self.generator, self.domain, self.assignments(recipe or self.recipe(trust)), seed)
 
     def assignments(self, recipe: Recipe) -> list[AssignmentState]:
         """Return the assignment of each panel as the newest checkpoint has it."""

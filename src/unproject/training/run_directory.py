@@ -5,6 +5,7 @@ environment.json   versions, machine, command
 stats.jsonl        one JSON object a line: step, seconds, losses, events
 checkpoints/       step-*.safetensors
 samples/           a contact sheet over time
+verdict.json       whether the run came out well, once its budget is spent
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from .._types import UserError
 from .description import describe
 from .recipe import Origin, Recipe
 
+VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
 HARMLESS = (*BUDGET, "checkpoint_every")
 """Fields that may differ between a run and its continuation."""

@@ -1,0 +1,70 @@
+"""What is said of views, from probabilities whose information is known."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from unproject.assignment import Panel, Predicted, Unassigned
+from unproject.assignment.view_findings import chance, information, view_findings
+from unproject.data import chairs, observe
+from unproject.metrics import worst
+from unproject.projections.silhouette import Silhouette, azimuth_bins
+
+K = 8
+
+
+def probabilities(certainty: float, n: int = 64) -> Tensor:
+    """Each view equally often, each time with this probability and the rest shared evenly."""
+    p = torch.full((n, K), (1 - certainty) / (K - 1))
+    p[torch.arange(n), torch.arange(n) % K] = certainty
+    return p
+
+
+def test_certain_predictions_hold_log_k_nats_and_even_ones_none() -> None:
+    assert information(probabilities(1.0)) == pytest.approx(math.log(K), abs=1e-5)
+    assert information(probabilities(1 / K)) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_chance_is_what_random_certainty_seems_to_hold() -> None:
+    """The plug-in information of random labels, many times over."""
+    n, rng = 256, torch.Generator().manual_seed(0)
+    labels, views = torch.randint(K, (2, 200, n), generator=rng)
+    found = []
+    for label, view in zip(labels, views, strict=True):
+        joint = torch.bincount(label * K + view, minlength=K * K).view(K, K) / n
+        independent = joint.sum(1, keepdim=True) * joint.sum(0, keepdim=True)
+        found.append((joint * (joint / independent).clamp_min(1e-12).log()).sum().item())
+    assert sum(found) / len(found) == pytest.approx((K - 1) * chance(n, K), rel=0.1)
+
+
+def words(real: float, generated: float) -> dict[str, str]:
+    return {f.name: f.word for f in view_findings(probabilities(real), probabilities(generated))}
+
+
+def test_views_are_found_if_pictures_tell_them() -> None:
+    assert words(0.95, 0.95) == {"views": "good", "world": "good"}
+
+
+def test_little_information_in_both_is_not_decided() -> None:
+    (views,) = view_findings(probabilities(0.2), probabilities(0.2))
+    assert views.word == "doubtful" and "look alike from all sides" in views.says and "known views" in views.advice
+
+
+def test_a_world_more_telling_than_the_pictures_has_failed() -> None:
+    assert words(0.3, 0.99) == {"views": "doubtful", "world": "failed"}
+    assert worst(view_findings(probabilities(0.75), probabilities(0.95))) == "doubtful"
+
+
+def test_shares_of_views_are_told_where_they_are_known() -> None:
+    views = azimuth_bins(4, Silhouette(size=16))
+    seen = observe(chairs(6, 16), views, 2)
+    panel = Panel(views, seen)
+    shares = panel.assignment.begin(panel, 0).view_shares(seen.floats())
+    assert shares is not None and shares.sum() == pytest.approx(1.0)
+    assert torch.equal((12 * shares).round().long(), torch.bincount(seen.latents["view"].long(), minlength=4))
+    for unknown in (Unassigned(), Predicted()):  # a predictor that was never fitted finds nothing
+        assert unknown.begin(Panel(views, seen, unknown), 0).view_shares(seen.floats()) is None
