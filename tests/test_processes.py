@@ -48,6 +48,7 @@ def test_processes_agree_average_and_stay_equal(tmp_path: Path) -> None:
     a, b = (json.loads((tmp_path / f"rank-{rank}.json").read_text()) for rank in (0, 1))
     assert a["difference"] <= 1e-5 and b["difference"] <= 1e-5 and a["size"] > 1e-3
     assert a["sums"] == b["sums"] and a["views"] == b["views"]
+    assert a["predictor"] == b["predictor"] and a["predicted"] == b["predicted"]
     assert a["copied"] == b["copied"] == [0, 0]
     assert a["agreed"] == b["agreed"] == [True, False]
     assert a["diversity"] == b["diversity"] == pytest.approx(0.5)

@@ -14,6 +14,7 @@ from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.assignment import PredictorFit, Rounds
 from unproject.networks import ViewPredictor
+from unproject.projections.silhouette import mirrored_views
 
 SMALL = partial(ViewPredictor, channels=4)
 
@@ -94,6 +95,40 @@ def test_prediction_by_chunks_is_prediction() -> None:
     torch.testing.assert_close(whole, parts)
     torch.testing.assert_close(whole.sum(1), torch.ones(10))
     assert not whole.requires_grad
+
+
+# Mirror images
+
+EIGHT = mirrored_views(8)
+
+
+def test_a_flipped_image_has_the_mirrored_probabilities() -> None:
+    predictor, images = SMALL((1, 16, 16), 8).eval(), torch.rand(12, 1, 16, 16, generator=generator_at(0))
+    fit = PredictorFit(SMALL, mirrored=EIGHT)
+    p, flipped = (fit.probabilities(predictor, [y]) for y in (images, images.flip(-1)))
+    torch.testing.assert_close(flipped[:, list(EIGHT)], p)
+    torch.testing.assert_close(p.sum(1), torch.ones(12))
+    alone = predict(predictor, images)
+    assert (p - alone).abs().max() > 1e-4
+    torch.testing.assert_close(p, (alone + predict(predictor, images.flip(-1))[:, list(EIGHT)]) / 2)
+
+
+def test_half_of_the_images_are_flipped_with_their_labels() -> None:
+    images, views = torch.rand(6, 1, 4, 4, generator=generator_at(0)), torch.tensor([0, 1, 2, 1, 4, 7])
+    seen, labels = PredictorFit(SMALL, mirrored=EIGHT).half_mirrored(images, views)
+    assert torch.equal(seen, torch.cat([images[:3], images[3:].flip(-1)]))
+    assert labels.tolist() == [0, 1, 2, 7, 4, 1]
+    plain = PredictorFit(SMALL).half_mirrored(images, views)
+    assert torch.equal(plain[0], images) and torch.equal(plain[1], views)
+
+
+def test_a_fit_learns_from_flipped_images_too() -> None:
+    """The images of half of the views are left out; those of the mirrored views are all that tells them apart."""
+    images, ways = quadrants()
+    fit = PredictorFit(SMALL, steps=40, batch=32, mirrored=(1, 0, 3, 2))
+    left = ways % 2 == 0
+    predictor, _ = trained(fit, images[left], ways[left])
+    assert (fit.probabilities(predictor, [images]).argmax(1) == ways).float().mean() > 0.97
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,14 @@ from unproject._types import UserError
 from unproject.data import chairs
 from unproject.ops import rotate, visual_hull
 from unproject.ops.resampling import centres
-from unproject.projections.silhouette import CAMERAS, RULES, Silhouette, azimuth_bins, azimuth_elevation_bins
+from unproject.projections.silhouette import (
+    CAMERAS,
+    RULES,
+    Silhouette,
+    azimuth_bins,
+    azimuth_elevation_bins,
+    mirrored_views,
+)
 
 AZIMUTHS = torch.tensor([0, 0.3, math.pi / 4, 1.9, math.pi, 5.0])
 
@@ -364,6 +371,19 @@ def test_twenty_four_azimuth_elevation_bins() -> None:
     bands = torch.rad2deg(elevation).view(3, 100)
     for band, low in zip(bands, (-22.5, -7.5, 7.5)):
         assert band.min() >= low - 1e-3 and band.max() <= low + 15 + 1e-3
+
+
+@pytest.mark.parametrize("azimuths, bands", [(1, 1), (7, 1), (8, 1), (5, 3), (4, 2)])
+def test_the_mirrored_view_shows_the_flipped_picture(azimuths: int, bands: int) -> None:
+    """Of volumes that are symmetric about x = 0, from the middle of each bin."""
+    half = torch.rand(1, 4, 8, 8, generator=generator_at(0)) ** 3
+    x = torch.cat([half, half.flip(1)], 1).expand(azimuths * bands, -1, -1, -1)
+    azimuth = (2 * math.pi / azimuths * torch.arange(azimuths)).repeat_interleave(bands)
+    elevation = (0.3 * (torch.arange(bands) - (bands - 1) / 2)).repeat(azimuths)
+    y = Silhouette(fast=False)(x, azimuth=azimuth, elevation=elevation)
+    mirrored = mirrored_views(azimuths, bands)
+    torch.testing.assert_close(y[list(mirrored)], y.flip(-1), atol=1e-5, rtol=0)
+    assert [mirrored[k] for k in mirrored] == list(range(azimuths * bands))
 
 
 def test_an_observation_projects() -> None:

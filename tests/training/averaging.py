@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from toy import toy
+from toy import jointly, toy
 
 import unproject.training.loop as loop
 from unproject.adversarial.losses import Wasserstein
@@ -76,6 +76,10 @@ def main(folder: Path) -> None:
     )
     train(toy(steps=4, checkpoint_every=2, discriminator_steps=2), folder / "run", device="cpu", quiet=True)
     (state,) = states
+    writes = [len(creations), len(saves), len(pictures), recorders[0].file.name]
+    joint = jointly(toy(steps=4, starts=(0.5,)), weight=3.0)
+    train(joint, folder / "joint", device="cpu", quiet=True)
+    learned = states[-1].panels[0].assignment
     sums = {
         f"{i}/{name}": float(p.double().sum())
         for i, module in enumerate((state.generator, state.discriminators, state.average))
@@ -88,8 +92,10 @@ def main(folder: Path) -> None:
         "agreed": agreed,
         "diversity": diversity,
         "sums": sums,
-        "writes": [len(creations), len(saves), len(pictures), recorders[0].file.name],
+        "writes": writes,
         "views": state.panels[0].assignment.views.tolist(),
+        "predictor": [float(p.double().sum()) for p in learned.predictor.parameters()],
+        "predicted": learned.views.tolist(),
     }
     (folder / f"rank-{rank}.json").write_text(json.dumps(report))
 

@@ -15,10 +15,10 @@ import pytest
 import torch
 from comparing import differences, final, stats, temporaries
 from torch import Tensor
-from toy import only_panel, toy, with_panel, with_predicted
+from toy import jointly, only_panel, toy, with_panel, with_predicted
 
 from unproject._types import UserError
-from unproject.assignment import Estimator, PredictorFit, predicted
+from unproject.assignment import Estimator, JointlyPredictedState, PredictorFit, predicted
 from unproject.data import Collection
 from unproject.domains import Domain
 from unproject.training import Adam, Recipe, checkpoint, load, resume, run_directory, train, trainer
@@ -285,3 +285,40 @@ def test_a_learned_prior_goes_on_where_it_was(tmp_path: Path) -> None:
     assert differences(whole.path, tmp_path / "killed") == []
     tensors = checkpoint.load(checkpoint.newest(whole.path / "checkpoints"))
     assert tensors["panels/0/assignment/logits"].abs().max() > 0
+
+
+JOINTLY = jointly(RECIPE, weight=3.0)
+
+
+@pytest.fixture(scope="module")
+def whole_jointly(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose predictor is trained at every step, that nothing ever stopped."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "EVERY", 2)
+        patch.setattr(Domain, "write_preview", lambda *_: None)
+        return train(JOINTLY, tmp_path_factory.mktemp("jointly") / "run", quiet=True).path
+
+
+@pytest.mark.parametrize("act", [interrupt, die], ids=["stopped", "killed"])
+@pytest.mark.parametrize(
+    "owner, name, number",
+    [(JointlyPredictedState, "update", 5), (PredictorFit, "probabilities", 2), (Estimator, "assign", 2)],
+    ids=lambda v: v if isinstance(v, str) else "",
+)
+def test_views_predicted_jointly_go_on_where_they_were(
+    whole_jointly: Path, tmp_path: Path, act: Callable[[], None], owner: object, name: str, number: int
+) -> None:
+    """The predictor, its moments, and what it knows of fakes and of data are part of the checkpoint."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "EVERY", 2)
+        at_call(patch, owner, name, number, act)
+        with suppress(Killed):
+            train(JOINTLY, tmp_path, quiet=True)
+    assert load(tmp_path).step < 8
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "EVERY", 2)
+        assert resume(tmp_path, JOINTLY, quiet=True).step == 8
+    assert differences(whole_jointly, tmp_path) == []
+    stored = checkpoint.load(checkpoint.newest(tmp_path / "checkpoints"), "panels/0/assignment/")
+    assert stored["panels/0/assignment/of_data"] > 0 and stored["panels/0/assignment/of_fakes"] != 0
+    assert stored["panels/0/assignment/round"] == 3

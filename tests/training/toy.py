@@ -16,11 +16,11 @@ from typing_extensions import Unpack
 
 from unproject.adversarial.losses import Hinge, Loss, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty, Penalty
-from unproject.assignment import Estimator, Panel, Predicted, PredictorFit, Rounds
+from unproject.assignment import Estimator, JointlyPredicted, Panel, Predicted, PredictorFit, Rounds
 from unproject.data import Collection, chairs, observe
 from unproject.networks import Discriminator, Generator, LowRankGenerator, ViewPredictor
 from unproject.projections.observation import Observation
-from unproject.projections.silhouette import Silhouette, azimuth_bins
+from unproject.projections.silhouette import Silhouette, azimuth_bins, mirrored_views
 from unproject.recipes.pairing import Views, panel_of
 from unproject.recipes.shapes import silhouettes_of
 from unproject.training import Adam, Options, Recipe, resumable
@@ -113,6 +113,15 @@ def with_predicted(recipe: Recipe, **changes: Any) -> Recipe:
         for name, change in changes.items()
     }
     return with_panel(recipe, assignment=replace(assignment, **whole))
+
+
+def jointly(recipe: Recipe, **settings: Any) -> Recipe:
+    """The recipe with a predictor that is trained along with the generator, and sees mirror images."""
+    assignment = recipe.panels[0].assignment
+    assert isinstance(assignment, Predicted)
+    fit = replace(assignment.fit, mirrored=mirrored_views(BINS))
+    made = JointlyPredicted(assignment.rounds, fit, assignment.estimator, **settings)
+    return with_panel(recipe, assignment=made)
 
 
 def only_panel(recipe: Recipe) -> Panel:

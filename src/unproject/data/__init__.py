@@ -24,6 +24,7 @@ from .readers.probes import read_probe, read_probes, resample_probe
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
 from .sampling import batch_rows
+from .symmetry import plane_of_symmetry
 
 __all__ = [
     "AS_GIVEN",
@@ -57,6 +58,7 @@ __all__ = [
     "mixed_probes",
     "observe",
     "photographed",
+    "plane_of_symmetry",
     "plastic",
     "procedural_probes",
     "read",

@@ -90,9 +90,9 @@ def reflect_half(x: Tensor) -> Tensor:
     return reflect(x[:, : x.shape[1] // 2])
 
 
-def reflect(left: Tensor) -> Tensor:
-    """Return the volume whose left half is `left` (B, X/2, Y, Z) and whose right half is its mirror image."""
-    return torch.cat([left, left.flip(1)], 1)
+def reflect(half: Tensor, axis: int = 1) -> Tensor:
+    """Return the volume whose first half along `axis` is `half`, (B, X/2, Y, Z), and whose second half mirrors it."""
+    return torch.cat([half, half.flip(axis)], axis)
 
 
 class VoxelGenerator(Generator):

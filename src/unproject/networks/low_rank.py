@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import torch
 from torch import Tensor, nn
 
+from .._types import UserError
 from .blocks import SmoothUpsampling, upsampling_levels
 from .generators import Generator, reflect
 
@@ -22,7 +25,8 @@ class LowRankGenerator(Generator):
         code_size: length of a code.
         channels: at 4.
         rank: r, the number of products per axis.
-        mirror: generate the left half only and reflect it, at two thirds of the cost.
+        mirror: generate the half with x < 0 only and reflect it, at two thirds of the cost (True or "x"), or the half
+            with z < 0 ("z").
         bias: initial b; negative, so that training starts from nearly transparent volumes: in opaque ones every ray is
             saturated and has no gradient.
         truncation, hull: see `Generator`.
@@ -45,25 +49,29 @@ class LowRankGenerator(Generator):
         code_size: int = 128,
         channels: int = 128,
         rank: int = 32,
-        mirror: bool = False,
+        mirror: bool | Literal["x", "z"] = False,
         bias: float = -5.0,
         truncation: float | None = None,
         hull: bool = False,
     ) -> None:
         super().__init__(code_size, truncation, hull)
         hidden = 256
-        self.mirror, self.scale = mirror, rank**-0.5
+        if mirror not in (False, True, "x", "z"):
+            raise UserError(f"LowRankGenerator(mirror={mirror!r}): give False, True, 'x' or 'z'")
+        self.mirror: str = "x" if mirror is True else mirror or ""
+        self.scale = rank**-0.5
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
-        levels, width = upsampling_levels(size), size // 2 if mirror else size
-        planes, lines = ((width, size), (size, size), (width, size)), ((size,), (width,), (size,))
+        levels = upsampling_levels(size)
+        x, z = (size // 2 if self.mirror == axis else size for axis in "xz")
+        planes, lines = ((x, z), (z, size), (x, size)), ((size,), (x,), (z,))
         self.planes = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in planes])
         self.lines = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in lines])
         self.bias = nn.Parameter(torch.tensor(float(bias)))
 
     def logits(self, code: Tensor) -> Tensor:
-        """Return the logits of occupancy, (B, X, Y, Z), or their left half with `mirror`."""
+        """Return the logits of occupancy, (B, X, Y, Z), or of one half with `mirror`."""
         hidden = self.mapping(code)
         xz, zy, xy = (plane(hidden) for plane in self.planes)
         along_y, along_x, along_z = (line(hidden) for line in self.lines)
@@ -75,4 +83,4 @@ class LowRankGenerator(Generator):
 
     def forward(self, code: Tensor) -> Tensor:
         x = torch.sigmoid(self.logits(code))
-        return reflect(x) if self.mirror else x
+        return reflect(x, "xyz".index(self.mirror) + 1) if self.mirror else x

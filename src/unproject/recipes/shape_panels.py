@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import torch
 from torch import nn
@@ -14,7 +15,7 @@ from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
 from ..assignment import JointlyPredicted, MeanShapeInitialiser, Panel, Predicted
-from ..data import Collection, chairs, mapped, observe, read, with_flips
+from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
 from ..networks import Discriminator
 from ..ops.framing import common_fill, common_height
 from ..projections.base import Projection
@@ -130,6 +131,17 @@ def read_or_make(data: Path | None, size: int) -> Collection:
     if found.items.dim() != 4:
         raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
     return found
+
+
+def mirror_of(mirror: bool | None, views: Views, collection: Collection) -> bool | Literal["z"]:
+    """Return what generators are told: `mirror`; or if None the plane that known views or volumes are symmetric about.
+
+    Of unknown views the plane may be any, so that it is x = 0.
+    """
+    if mirror is not None or views not in ("known", "direct"):
+        return mirror is not False
+    plane = plane_of_symmetry(collection)
+    return plane == "x" or plane or False
 
 
 def split_panel(

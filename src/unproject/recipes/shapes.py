@@ -24,6 +24,7 @@ from .shape_panels import (
     discriminator_of,
     falling_adam,
     jointly_predicted,
+    mirror_of,
     pictures_of,
     regulariser_of,
     silhouette_views,
@@ -57,7 +58,7 @@ def shapes(
     balance: float = 0.8,
     init_views: bool = False,
     tries: int = 3,
-    mirror: bool = True,
+    mirror: bool | None = None,
     **options: Unpack[Options],
 ) -> Recipe:
     """Shapes from silhouettes, for a laptop: low-rank generator, relativistic loss with lazy R1 + R2.
@@ -91,16 +92,18 @@ def shapes(
             ones. It helps for elongated shapes such as cars, whose views may otherwise never be found, and costs a few
             per cent for others such as chairs (docs/results.md).
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
-        mirror: shapes are symmetric left to right; turn it off for asymmetric ones.
+        mirror: shapes are symmetric about the plane x = 0; turn it off for asymmetric ones (default: if views are
+            unknown; of known views and of volumes about x = 0 or z = 0 if they are, `data.plane_of_symmetry`).
         options: fields of `Recipe`.
     """
     direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
-    joint = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands) if mirror else (), init_views)
+    symmetry = mirror_of(mirror, views, collection)
+    joint = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands) if symmetry else (), init_views)
     panel = split_panel(views, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
-        generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=not direct),
+        generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=symmetry, hull=not direct),
         discriminator=discriminator_of(direct),
         panels=[panel],
         domain=Volumes(sized=observations[0].projection == silhouette),

@@ -1,0 +1,174 @@
+"""Views predicted jointly: what reaches the generator and the predictor, when, and how rounds assign views."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import pytest
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from unproject._random import generator_at, seeded
+from unproject._types import UserError
+from unproject.assignment import Estimator, JointlyPredicted, JointlyPredictedState, Panel, PredictorFit, Rounds
+from unproject.assignment.jointly_predicted import MEMORY
+from unproject.assignment.predicted import information
+from unproject.data import Collection
+from unproject.networks import ViewPredictor
+from unproject.projections.silhouette import Silhouette, azimuth_bins, mirrored_views
+
+BINS, SIZE = 6, 16
+FIT = PredictorFit(partial(ViewPredictor, channels=4))
+
+
+def begun(mirrored: bool = False, **settings: Any) -> JointlyPredictedState:
+    """The state of a panel of six views and 24 images of noise; nothing falls and nothing is capped unless asked."""
+    fit = replace(FIT, mirrored=mirrored_views(BINS) if mirrored else None)
+    views = azimuth_bins(BINS, Silhouette(size=SIZE))
+    images = Collection(torch.rand(24, 1, SIZE, SIZE, generator=generator_at(0)))
+    assignment = JointlyPredicted(Rounds((0.5,)), fit, **{"fall": (1.0, 2.0), "margin": 9.0, **settings})
+    panel = Panel(views, images, assignment)
+    with seeded(0, "predictor"):
+        state = panel.assignment.begin(panel, 0)
+    assert isinstance(state, JointlyPredictedState)
+    return state
+
+
+def fakes() -> tuple[Tensor, Tensor]:
+    """Eight projections, and the rows they are paired with."""
+    return torch.rand(8, 1, SIZE, SIZE, generator=generator_at(1)).requires_grad_(), torch.arange(8) * 3
+
+
+def same(count: Any, other: Any) -> bool:
+    return all(torch.equal(a, b) for a, b in zip(count, other, strict=True))
+
+
+def average(_: torch.nn.Module) -> None:
+    """One process has nothing to average."""
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("weight", [0.0, 0.25, 2.0])
+def test_the_generator_gets_w_times_the_gradient_and_the_predictor_all(weight: float, mirrored: bool) -> None:
+    state, (fake, rows) = begun(mirrored, weight=weight), fakes()
+    predictor, images, views = copy.deepcopy(state.predictor).train(), fake.detach().clone(), state.views[rows]
+    images.requires_grad_()
+    flipped = torch.cat([images[:4], images[4:].flip(-1)]) if mirrored else images
+    labels = torch.cat([views[:4], (-views[4:]) % BINS]) if mirrored else views
+    expected = F.cross_entropy(predictor(flipped), labels)
+    expected.backward()
+    loss = state.loss(fake, rows, 0.0)
+    loss.backward()
+    assert loss.item() == pytest.approx(expected.item(), rel=1e-6) and fake.grad is not None
+    torch.testing.assert_close(fake.grad, weight * images.grad)  # pyright: ignore[reportOptionalOperand]
+    for p, q in zip(state.predictor.parameters(), predictor.parameters(), strict=True):
+        torch.testing.assert_close(p.grad, q.grad)
+
+
+def test_a_predictor_that_steers_nothing_still_learns() -> None:
+    state, (fake, rows) = begun(weight=0.0, rate=0.01), fakes()
+    losses = []
+    for _ in range(30):
+        loss = state.loss(fake, rows, 0.0)
+        losses.append(loss.item())
+        loss.backward()
+        state.update(average)
+    assert losses[-1] < 0.3 * losses[0]
+    assert fake.grad is not None and not fake.grad.any()
+
+
+def test_an_update_is_a_step_of_averaged_gradients() -> None:
+    """With a rate of Adam's first step, and nothing left for the next one."""
+    state, (fake, rows) = begun(rate=0.01), fakes()
+    before = [p.detach().clone() for p in state.predictor.parameters()]
+    state.loss(fake, rows, 0.0).backward()
+    seen: list[torch.nn.Module] = []
+    state.update(lambda module: seen.append(module))
+    (averaged,) = seen
+    parameters = list(state.predictor.parameters())
+    assert {id(p) for p in parameters} <= {id(p) for p in averaged.parameters()}
+    assert max(float((p - q).detach().abs().max()) for p, q in zip(parameters, before)) == pytest.approx(0.01, rel=1e-3)
+    assert all(p.grad is None or not p.grad.any() for p in parameters)
+
+
+@pytest.mark.parametrize(
+    "progress, share", [(0.0, 1.0), (0.2, 1.0), (0.3, 0.75), (0.5, 0.25), (0.6, 0.0), (1.0, 0.0), (1.3, 0.0)]
+)
+def test_the_weight_falls_in_a_straight_line(progress: float, share: float) -> None:
+    state, (fake, rows) = begun(weight=0.4, fall=(0.2, 0.6)), fakes()
+    assert state.generator_weight(progress) == pytest.approx(0.4 * share, abs=1e-9)
+    state.loss(fake, rows, progress).backward()
+    assert fake.grad is not None and bool(fake.grad.any()) == (share > 0)
+
+
+@pytest.mark.parametrize(
+    "fakes_know, share", [(0.0, 1.0), (0.7, 1.0), (0.8, 0.75), (1.0, 0.25), (1.1, 0.0), (1.7, 0.0)]
+)
+def test_projections_more_telling_than_pictures_are_not_asked_for(fakes_know: float, share: float) -> None:
+    state = begun(weight=0.4, margin=0.4)
+    state.of_data.fill_(0.7)
+    state.of_fakes.fill_(fakes_know)
+    assert state.generator_weight(0.0) == pytest.approx(0.4 * share, abs=1e-6)
+
+
+def test_what_projections_tell_is_log_k_minus_the_cross_entropy() -> None:
+    state, (fake, rows) = begun(), fakes()
+    expected = 0.0
+    for _ in range(3):
+        loss = state.loss(fake, rows, 0.0).item()
+        expected += MEMORY * (math.log(BINS) - loss - expected)
+    assert state.of_fakes.item() == pytest.approx(expected, rel=1e-5)
+    assert state.log()["view_information"] == pytest.approx(expected, abs=1e-4)
+
+
+class Run:
+    """What a round needs of a run."""
+
+    step, progress = 7, 0.6
+    device = torch.device("cpu")
+
+    def __init__(self) -> None:
+        self.generator, self.lines = torch.nn.Linear(1, 1), []
+
+    def synchronise(self, _: Any) -> None: ...
+
+    def record(self, **fields: Any) -> None:
+        self.lines.append(fields)
+
+
+def test_a_round_assigns_by_the_predictor_as_it_is() -> None:
+    """No fit; the predictor as in evaluation, so that the other images of a batch play no part."""
+    state, (fake, rows) = begun(mirrored=True, estimator=Estimator("argmax")), fakes()
+    state.loss(fake, rows, 0.0)
+    before, run = copy.deepcopy(list(state.predictor.parameters())), Run()
+    state.of_fakes.fill_(0.3)
+    assert state.before_step(run)  # type: ignore[arg-type]
+    p = state.settings.fit.probabilities(state.predictor.eval(), [state.panel.batch(torch.arange(24))])
+    assert torch.equal(state.views, p.argmax(1)) and same(before, state.predictor.parameters())
+    assert state.of_data.item() == pytest.approx(information(p), rel=1e-4) and state.of_data > 0
+    (line,) = run.lines
+    assert line["round"] == 1 and line["loss"] == pytest.approx(math.log(BINS) - 0.3, abs=1e-5)
+    assert (int(state.round), int(state.fitting), int(state.last)) == (1, 0, 7)
+    assert state.before_step(run) and len(run.lines) == 1  # type: ignore[arg-type]
+
+
+def test_checks_change_nothing_that_training_sees() -> None:
+    state, (fake, rows) = begun(), fakes()
+    buffers = copy.deepcopy(dict(state.predictor.named_buffers()))
+    assert state.checks()["view_information"].value >= 0
+    assert same(buffers.values(), state.predictor.buffers())
+    state.loss(fake, rows, 0.0)
+    assert state.predictor.training
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"weight": -1}, {"fall": (0.6, 0.2)}, {"fall": (-0.1, 0.2)}, {"margin": 0}, {"rate": 0}], ids=str
+)
+def test_settings_that_make_no_sense(wrong: dict[str, Any]) -> None:
+    with pytest.raises(UserError, match="give a weight of 0 or more"):
+        JointlyPredicted(**wrong)
