@@ -108,10 +108,10 @@ TURNS = (
         "ops/test_azimuth.py",
     ),
     mutant(
-        "azimuth: the gradient in the weights has lost its sign",
+        "azimuth: the gradient in the weights has the wrong sign",
         "ops/azimuth.py",
         "of_weight = _weight_gradient(table[0], ctx.index, weight, gradient)",
-        "of_weight = _weight_gradient(table[0], ctx.index, weight, gradient).abs()",
+        "of_weight = -_weight_gradient(table[0], ctx.index, weight, gradient)",
         "ops/test_elevation.py",
     ),
     mutant(
