@@ -53,7 +53,7 @@ def broken_table() -> torch.Tensor:
 
 def test_what_floats_is_pushed_down_gaps_up_and_the_rest_not_at_all() -> None:
     x = broken_table().requires_grad_()
-    Connected(weight=3.0)(x, 0.0).backward()
+    Connected(weight=3.0)(x, 1.0).backward()
     assert x.grad is not None
     push = x.grad * x.detach().sum() / 3
     crumb, gap = torch.zeros_like(push), torch.zeros_like(push)
@@ -69,7 +69,7 @@ def test_descent_joins_a_broken_leg_and_removes_a_crumb() -> None:
     logits = broken_table().logit().requires_grad_()
     for _ in range(40):
         x = logits.sigmoid()
-        (gradient,) = torch.autograd.grad(Connected()(x, 0.0), logits)
+        (gradient,) = torch.autograd.grad(Connected()(x, 1.0), logits)
         logits = (logits - 100 * gradient).detach().requires_grad_()
     assert len(number_parts((x[0] > 0.5).detach().numpy())[1]) == 2
     assert x[0, 3, 4, 3] > 0.5 > x[0, 10, 2, 10] and (x[0, 3, :8, 3] > 0.5).all()
@@ -80,14 +80,14 @@ def test_connected_is_the_mean_share_of_what_is_misplaced() -> None:
     x[:, :4, :4, :4] = 1
     x[0, 7, 7, 7] = 1
     x[1, 6, 0, 0] = 0.6  # the gap of two layers is 3 x 3 voxels beside the block and 2 x 2 beside the voxel
-    assert Connected(weight=2.0)(x, 0.0).item() == pytest.approx(2 / 3 * (1 / 65 + (9 + 4) / 64.6), rel=1e-5)
-    assert Connected(weight=2.0, volumes=1)(x, 0.0).item() == pytest.approx(2 / 65, rel=1e-5)
-    assert Connected()(x[2:], 0.0).item() == 0
+    assert Connected(weight=2.0)(x, 1.0).item() == pytest.approx(2 / 3 * (1 / 65 + (9 + 4) / 64.6), rel=1e-5)
+    assert Connected(weight=2.0, volumes=1)(x, 1.0).item() == pytest.approx(2 / 65, rel=1e-5)
+    assert Connected()(x[2:], 1.0).item() == 0
 
 
 def test_connected_is_finite_for_empty_volumes() -> None:
     x = volumes(0.0).detach().requires_grad_()
-    Connected()(x, 0.0).backward()
+    Connected()(x, 1.0).backward()
     assert x.grad is not None and (x.grad == 0).all()
 
 

@@ -57,7 +57,7 @@ def sheet_of(recipe: str) -> Callable[[Tensor], Image.Image]:
 
 @pytest.fixture(autouse=True)
 def few_chairs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 4)
     monkeypatch.setattr("unproject.recipes.held_out.CHAIRS", 8)
 
 
@@ -184,7 +184,7 @@ def test_a_step_that_needs_too_much_memory_is_refused(
 def test_data_that_need_too_much_memory_are_refused_before_they_are_made(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 10**6)
+    monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 10**6)
     began = time.monotonic()
     assert main(["train", "shapes", "--size", "256", "--out", str(tmp_path / "run")]) == 2
     assert "chairs of 256³ voxels takes about" in capsys.readouterr().err and time.monotonic() - began < 20

@@ -160,7 +160,7 @@ def test_a_flag_that_makes_no_sense(
     said: str,
     recipe: str,
 ) -> None:
-    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 4)
     assert said in refused("train", recipe, *flags, "--out", tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -184,7 +184,7 @@ def test_a_flag_that_makes_no_sense(
 def test_a_size_that_makes_no_sense_leaves_nothing(
     tmp_path: Path, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch, recipe: str, flags: list[str]
 ) -> None:
-    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 4)
+    monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 4)
     size = [] if "--size" in flags else ["--size", "16"]
     assert refused("train", recipe, "--steps", "1", *size, *flags, "--out", tmp_path / "run")
     assert not (tmp_path / "run").exists()

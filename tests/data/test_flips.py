@@ -21,7 +21,7 @@ def test_flipped_pictures_are_pictures_of_mirrored_volumes(views: tuple) -> None
     mirrored = with_flips(Collection(VOLUMES)).items[1::2].repeat_interleave(2, 0)
     assert seen.latents is not None and sorted(seen.latents) == ["azimuth", "elevation"]
     theta = {name: value[1::2] for name, value in seen.latents.items()}
-    torch.testing.assert_close(Silhouette(fast=False)(mirrored, **theta), seen.items[1::2], atol=1e-4, rtol=0)
+    torch.testing.assert_close(Silhouette()(mirrored, **theta), seen.items[1::2], atol=1e-4, rtol=0)
     assert not torch.allclose(seen.items[1::2], seen.items[::2], atol=1e-2)
 
 

@@ -57,8 +57,8 @@ def test_the_plane_of_turned_shapes_is_found(
 
 
 @pytest.mark.parametrize("degrees, plane", FOUND)
-def test_twelve_pictures_of_a_view_are_enough(seen: dict[str, Collection], degrees: float, plane: str | None) -> None:
-    found = [plane_of_symmetry(turned(collection, degrees, 96)) for collection in seen.values()]
+def test_thirty_pictures_of_a_view_are_enough(seen: dict[str, Collection], degrees: float, plane: str | None) -> None:
+    found = [plane_of_symmetry(turned(collection, degrees, 240)) for collection in seen.values()]
     assert found == [plane] * len(found)
 
 

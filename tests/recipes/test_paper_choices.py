@@ -15,7 +15,7 @@ from unproject.adversarial.penalties import GradientPenalty
 from unproject.assignment import Known, LearnedPrior, Predicted, Unassigned
 from unproject.networks import Discriminator, ImageGenerator, ViewPredictor, VoxelGenerator
 from unproject.networks.discriminators import SpectralNorm
-from unproject.recipes import shapes as shapes_module
+from unproject.recipes import shape_panels
 from unproject.recipes.digits import digits_paper
 from unproject.recipes.materials import metal_paper, plastic_paper, wood_paper
 from unproject.recipes.shapes import shapes_paper
@@ -30,7 +30,7 @@ FEW: dict[Callable[..., Recipe], dict[str, Any]] = {
 
 @pytest.fixture(autouse=True)
 def few_chairs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shapes_module, "PROCEDURAL_CHAIRS", 4)
+    monkeypatch.setattr(shape_panels, "PROCEDURAL_CHAIRS", 4)
 
 
 def made(function: Callable[..., Recipe], **flags: Any) -> Recipe:

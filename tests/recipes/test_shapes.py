@@ -29,9 +29,16 @@ from unproject.networks import LowRankGenerator, VoxelGenerator
 from unproject.projections.base import Identity
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.recipes import shape_panels
-from unproject.recipes.shapes import shapes, shapes_paper
+from unproject.recipes.shapes import shapes as shapes_of
+from unproject.recipes.shapes import shapes_paper
 from unproject.training import Recipe
 from unproject.training.state import State
+
+
+def shapes(**arguments: Any) -> Recipe:
+    """The recipe without what is added for collections of few pictures and for views of one's own."""
+    return shapes_of(**{"augment": False, "connected": 0.0, **arguments})
+
 
 RECIPES: dict[str, Callable[..., Recipe]] = {"shapes": shapes, "shapes-paper": shapes_paper}
 SMALL = {"size": 16, "views_per_shape": 8}

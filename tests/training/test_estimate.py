@@ -82,6 +82,6 @@ def test_what_does_not_fit_is_refused_unless_forced(monkeypatch: pytest.MonkeyPa
 def test_a_trial_of_what_is_far_too_large_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "available_memory", lambda device: 2**24)
     monkeypatch.setattr("unproject.recipes.shapes.require_memory", lambda *_: None)
-    monkeypatch.setattr("unproject.recipes.shapes.PROCEDURAL_CHAIRS", 2)
+    monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 2)
     recipe = shapes(size=64, views_per_shape=1, steps=2)
     assert estimate(recipe, CPU).memory > 2**24

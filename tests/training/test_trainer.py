@@ -22,7 +22,7 @@ from unproject.assignment import Panel, PredictedState, PredictorFit
 from unproject.domains import Domain
 from unproject.networks import Discriminator, LowRankGenerator
 from unproject.projections.observation import Observation
-from unproject.recipes import shapes as shapes_module
+from unproject.recipes import shape_panels
 from unproject.recipes.shapes import shapes, shapes_paper
 from unproject.training import Adam, Recipe, load, resume, train
 from unproject.training.distribution import Distribution
@@ -212,7 +212,7 @@ def test_the_penalty_is_of_real_and_of_generated_images(tmp_path: Path, monkeypa
 def test_the_recipes_of_the_package_train(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Recipe], views: str
 ) -> None:
-    monkeypatch.setattr(shapes_module, "PROCEDURAL_CHAIRS", 8)
+    monkeypatch.setattr(shape_panels, "PROCEDURAL_CHAIRS", 8)
     recipe = make(views=views, size=16, bins=2, views_per_shape=2, channels=8, batch=4, steps=2)
     assert isinstance(recipe.discriminator, partial)
     recipe = recipe.replace(discriminator=partial(recipe.discriminator, channels=4))

@@ -62,7 +62,8 @@ def panel_of(
     if views == "known":
         if held_out is not None:
             seen = views_of(collection, observations)
-            held_out = held_out.subset(torch.isin(views_of(held_out, observations), seen).nonzero()[:, 0])
+            rows = torch.isin(views_of(held_out, observations), seen).nonzero()[:, 0]
+            held_out = held_out.subset(rows) if len(rows) else None
         return Panel(*by_view(collection, observations), Known(), held_out=held_out)
     unknown = {"learned": LearnedPrior(), "single": Unassigned()}
     assignment = unknown.get(views) or predicted or frequent_rounds(40, 0.8)
