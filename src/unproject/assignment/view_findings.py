@@ -14,7 +14,7 @@ from torch import Tensor
 
 from ..metrics import Finding, Score
 
-FOUND = 0.25
+FOUND = 0.4
 """Share of log K nats that pictures hold at least, if views are found."""
 WORLD = (0.75, 0.5)
 """Levels of the information of pictures over that of projections (doubtful, failed)."""

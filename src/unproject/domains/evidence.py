@@ -19,7 +19,7 @@ from ..metrics import Finding, Score
 
 ENOUGH = 8
 """Pictures a set, at least."""
-MATCH, VARIETY, ALIKE, LABELS = (1.25, 1.6), (0.8, 0.5), (0.45, 0.55), (0.92, math.inf)
+MATCH, VARIETY, ALIKE, LABELS = (1.1, 1.4), (0.85, 0.5), (0.45, 0.55), (0.92, math.inf)
 """Levels (doubtful, failed), chosen on half of the runs of benchmarks/verdicts.py."""
 
 

@@ -24,7 +24,7 @@ from .sides import side_findings
 from .views import free_turns, view_bins
 
 CRUMB = 0.01
-WHOLE, EMPTY = (0.7, 0.3), (0.05, 0.5)
+WHOLE, EMPTY = (0.5, 0.2), (0.05, 0.5)
 """Levels (doubtful, failed) of the shares of shapes in one piece, and of empty ones."""
 
 
