@@ -608,8 +608,8 @@ PROJECTIONS = (
     mutant(
         "silhouette: an elevation that is learned from 0 gets no gradient",
         "projections/silhouette.py",
-        "level = not elevation.requires_grad and not bool(elevation.any())",
-        "level = not bool(elevation.any())",
+        "if not elevation.requires_grad and not bool(elevation.any()):",
+        "if not bool(elevation.any()):",
         "projections/test_silhouette.py",
     ),
     mutant(
@@ -789,8 +789,8 @@ NETWORKS = (
     mutant(
         "generator: the right half is the left one again, not its mirror image",
         "networks/generators.py",
-        "return torch.cat([left, left.flip(1)], 1)",
-        "return torch.cat([left, left], 1)",
+        "return torch.cat([half, half.flip(axis)], axis)",
+        "return torch.cat([half, half], axis)",
         "networks/test_generators.py::test_mirrored_volumes_are_exactly_symmetric",
     ),
     mutant(
@@ -817,8 +817,8 @@ NETWORKS = (
     mutant(
         "generator: low-rank products are not scaled by the rank",
         "networks/low_rank.py",
-        "self.mirror, self.scale = mirror, rank**-0.5",
-        "self.mirror, self.scale = mirror, 1.0",
+        "self.scale = rank**-0.5",
+        "self.scale = 1.0",
         "networks/test_generators.py::test_the_low_rank_formula",
     ),
     mutant(
@@ -1491,8 +1491,8 @@ ASSIGNMENTS = (
     mutant(
         "predictor: fitted to labels of other rows",
         "assignment/predictor.py",
-        "loss = F.cross_entropy(predictor(images[rows]), views[rows].to(images.device))",
-        "loss = F.cross_entropy(predictor(images[rows]), views[rows.flip(0)].to(images.device))",
+        "self.half_mirrored(images[rows], views[rows].to(images.device))",
+        "self.half_mirrored(images[rows], views[rows.flip(0)].to(images.device))",
         "assignment/test_predictor.py",
     ),
     mutant(
@@ -1532,7 +1532,7 @@ ASSIGNMENTS = (
     ),
     mutant(
         "known: an image gets the last view that contains its latents",
-        "assignment/panel.py",
+        "assignment/views.py",
         "return inside.long().argmax(1)",
         "return inside.long().flip(1).argmax(1)",
         f"{PANEL}::test_known_views_are_those_of_the_collections_or_of_the_latents",
@@ -1760,8 +1760,8 @@ TRAINING = (
     mutant(
         "trainer: an assignment's loss is dropped",
         "training/trainer.py",
-        "extra = extra + panel.assignment.loss()",
-        "extra = extra + 0 * panel.assignment.loss()",
+        "extra = extra + batch.panel.assignment.loss(",
+        "extra = extra + 0 * batch.panel.assignment.loss(",
         "assignment/test_learned_prior.py",
     ),
     mutant(
@@ -1945,8 +1945,8 @@ VERDICTS = (
     mutant(
         "verdict: held-out pictures are not used",
         "training/verdict.py",
-        'getattr(panel, "held_out", None)',
-        "None",
+        "panel.batch(rows) if panel.held_out is None else panel.held_out.batch(rows)",
+        "panel.batch(rows)",
         "training/test_verdict.py::test_held_out_pictures_are_used_if_there_are_any",
     ),
     mutant(
@@ -1979,6 +1979,107 @@ VERDICTS = (
     ),
 )
 
+ANY_CLASS = (
+    mutant(
+        "framing: the box begins at a quarter of the maximum",
+        "ops/framing.py",
+        "level = profile.amax(1, keepdim=True) / 2",
+        "level = profile.amax(1, keepdim=True) / 4",
+        "ops/test_framing.py",
+    ),
+    mutant(
+        "framing: width does not count",
+        "ops/framing.py",
+        "torch.maximum(box.height / height, box.width / (width or height))",
+        "torch.maximum(box.height / height, box.height / (width or height))",
+        "ops/test_framing.py",
+    ),
+    mutant(
+        "framing: pictures are taken for cropped wherever the object is",
+        "ops/framing.py",
+        "(off <= tolerance * height).all(0)",
+        "(off[2:] <= tolerance * height).all(0)",
+        "ops/test_framing.py",
+    ),
+    mutant(
+        "cropped: tilted views are scaled the other way",
+        "projections/cropped.py",
+        "box.height / level.height",
+        "level.height / box.height",
+        "projections/test_cropped.py",
+    ),
+    mutant(
+        "azimuth: windows lie on the other side",
+        "ops/azimuth.py",
+        "(column * 2 + 1 - self.size) / self.size) + self._offset(c)",
+        "(column * 2 + 1 - self.size) / self.size) - self._offset(c)",
+        "projections/test_cropped.py",
+    ),
+    mutant(
+        "azimuth: gradients forget where a window lies",
+        "ops/azimuth.py",
+        "(x * c - z * s - self._offset(c)) / viewport",
+        "(x * c - z * s) / viewport",
+        "projections/test_cropped.py",
+    ),
+    mutant(
+        "joint: the generator is steered whatever the weight",
+        "assignment/jointly_predicted.py",
+        "fake.detach() + w * (fake - fake.detach())",
+        "fake",
+        "assignment/test_jointly_predicted.py",
+    ),
+    mutant(
+        "joint: worlds may tell more than pictures do",
+        "assignment/jointly_predicted.py",
+        "falling * min(1.0, max(0.0, room))",
+        "falling",
+        "assignment/test_jointly_predicted.py",
+    ),
+    mutant(
+        "joint: views are balanced whatever pictures tell",
+        "assignment/jointly_predicted.py",
+        "balance=estimator.balance * (1 - told)",
+        "balance=estimator.balance",
+        "assignment/test_jointly_predicted.py",
+    ),
+    mutant(
+        "predictor: flipped images keep their labels",
+        "assignment/predictor.py",
+        "mirrored[views[half:]]",
+        "views[half:]",
+        "assignment/test_predictor.py",
+    ),
+    mutant(
+        "silhouette: the mirrored view is the view itself",
+        "projections/silhouette.py",
+        "-k % azimuths * elevations + band",
+        "k * elevations + band",
+        "projections/test_silhouette.py::test_the_mirrored_view_shows_the_flipped_picture",
+    ),
+    mutant(
+        "tries: the worst goes on",
+        "training/choosing.py",
+        "merit.item() > counters.best_merit",
+        "merit.item() < counters.best_merit",
+        "training/test_tries.py",
+    ),
+    mutant(
+        "tries: a resumed try draws as the first",
+        "training/state.py",
+        "self._begin_assignments(self.counters.start)",
+        "pass",
+        "training/test_tries.py",
+    ),
+    mutant(
+        "symmetry: the plane z = 0 is taken for x = 0",
+        "data/symmetry.py",
+        '{"x": -torch.arange(BINS) % BINS, "z": (BINS // 2 - torch.arange(BINS)) % BINS}',
+        '{"z": -torch.arange(BINS) % BINS, "x": (BINS // 2 - torch.arange(BINS)) % BINS}',
+        "data/test_symmetry.py",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -1998,5 +2099,6 @@ MUTANTS: tuple[Mutant, ...] = (
     *ASSIGNMENTS,
     *TRAINING,
     *VERDICTS,
+    *ANY_CLASS,
     *CHOICES,
 )

@@ -172,3 +172,19 @@ def test_checks_change_nothing_that_training_sees() -> None:
 def test_settings_that_make_no_sense(wrong: dict[str, Any]) -> None:
     with pytest.raises(UserError, match="give a weight of 0 or more"):
         JointlyPredicted(**wrong)
+
+
+@pytest.mark.parametrize("told, balanced", [(0.0, True), (1.0, False)])
+def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balanced: bool) -> None:
+    """Pictures that all show view 0 or 1 stay there if they are told apart, and are spread if nothing is known."""
+    state = begun()
+    state.joint = state.settings = replace(state.joint, estimator=Estimator("posterior", balance=1.0))
+    sure = F.one_hot(torch.arange(24) % 4, BINS).float()
+    vague = torch.full((24, BINS), 0.02)
+    vague[:, 0] = 1 - 0.02 * (BINS - 1)
+    p = sure if told else vague
+    state._probabilities = lambda: p.clone()  # pyright: ignore[reportPrivateUsage]
+    found = state._responsibilities()  # pyright: ignore[reportPrivateUsage]
+    assert state.of_data.item() == pytest.approx(information(p))
+    wanted = torch.full((BINS,), 1 / BINS) if balanced else p.mean(0)
+    torch.testing.assert_close(found.mean(0), wanted, atol=1e-3, rtol=0)
