@@ -133,13 +133,13 @@ def read_or_make(data: Path | None, size: int) -> Collection:
     return found
 
 
-def mirror_of(mirror: bool | None, views: Views, collection: Collection) -> bool | Literal["z"]:
-    """Return what generators are told: `mirror`; or if None the plane that known views or volumes are symmetric about.
+def mirror_of(mirror: bool, views: Views, collection: Collection) -> bool | Literal["z"]:
+    """Return what generators are told: if asked to mirror, the plane that known views or volumes are symmetric about.
 
     Of unknown views the plane may be any, so that it is x = 0.
     """
-    if mirror is not None or views not in ("known", "direct"):
-        return mirror is not False
+    if not mirror or views not in ("known", "direct"):
+        return mirror
     plane = plane_of_symmetry(collection)
     return plane == "x" or plane or False
 

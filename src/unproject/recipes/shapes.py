@@ -58,7 +58,7 @@ def shapes(
     balance: float = 0.8,
     init_views: bool = False,
     tries: int = 3,
-    mirror: bool | None = None,
+    mirror: bool = True,
     **options: Unpack[Options],
 ) -> Recipe:
     """Shapes from silhouettes, for a laptop: low-rank generator, relativistic loss with lazy R1 + R2.
@@ -92,8 +92,8 @@ def shapes(
             ones. It helps for elongated shapes such as cars, whose views may otherwise never be found, and costs a few
             per cent for others such as chairs (docs/results.md).
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
-        mirror: shapes are symmetric about the plane x = 0; turn it off for asymmetric ones (default: if views are
-            unknown; of known views and of volumes about x = 0 or z = 0 if they are, `data.plane_of_symmetry`).
+        mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
+            are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
     direct = views == "direct"
