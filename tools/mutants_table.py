@@ -1973,7 +1973,7 @@ VERDICTS = (
     mutant(
         "verdict: stays when training goes on",
         "training/loop.py",
-        "(path / run_directory.VERDICT).unlink(missing_ok=True)",
+        "(out / run_directory.VERDICT).unlink(missing_ok=True)",
         "pass",
         "training/test_verdict.py::test_the_command_says_and_writes_the_verdict",
     ),

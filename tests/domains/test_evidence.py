@@ -107,6 +107,6 @@ def test_pieces_and_empty_shapes_are_named() -> None:
     shapes[:, 2:5, 2:12, 2:12] = 1
     assert {f.name: f.word for f in Volumes().findings(shapes)} == {"pieces": "good", "empty": "good"}
     broken = shapes.clone()
-    broken[:8, 9:12, 2:12, 2:12] = 1
-    assert Volumes().findings(broken)[0].word == "failed" and "20%" in Volumes().findings(broken)[0].says
+    broken[:9, 9:12, 2:12, 2:12] = 1
+    assert Volumes().findings(broken)[0].word == "failed" and "10%" in Volumes().findings(broken)[0].says
     assert Volumes().findings(torch.zeros_like(shapes))[1].word == "failed"

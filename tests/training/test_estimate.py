@@ -50,10 +50,10 @@ def test_more_than_the_limit_ends_a_trial() -> None:
 @pytest.mark.parametrize("views", ["predicted", "known", "learned", "single", "direct"])
 def test_memory_grows_with_the_batch(views: str) -> None:
     recipe = toy(views=views, batch=64)  # pyright: ignore[reportArgumentType]
-    few, many = (estimate(recipe.replace(batch=batch), CPU) for batch in (256, 1024))
+    few, many = (estimate(recipe.replace(batch=batch), CPU) for batch in (256, 2048))
     fixed = MODULES + 4 * Trial(recipe, CPU, None).weights
     least = 1.05 if views == "predicted" else 1.5  # a view predictor projects as many images whatever the batch
-    assert least < (many.memory - fixed) / (few.memory - fixed) < 4.1
+    assert least < (many.memory - fixed) / (few.memory - fixed) < 8.1
 
 
 def test_an_estimate_leaves_the_recipe_and_its_draws_alone() -> None:
@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_refused_unless_forced(monkeypatch: pytest.MonkeyPa
 
 def test_a_trial_of_what_is_far_too_large_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "available_memory", lambda device: 2**24)
-    monkeypatch.setattr("unproject.recipes.shapes.require_memory", lambda *_: None)
+    monkeypatch.setattr("unproject.recipes.shape_panels.require_memory", lambda *_: None)
     monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 2)
     recipe = shapes(size=64, views_per_shape=1, steps=2)
     assert estimate(recipe, CPU).memory > 2**24

@@ -56,7 +56,7 @@ class Connected:
         >>> import torch, unproject as up
         >>> x = torch.zeros(1, 8, 8, 8)
         >>> x[:, :4, :4, :4], x[:, 7, 7, 7] = 1, 1  # a block of 64 voxels, and a crumb
-        >>> up.Connected()(x, progress=0.0)
+        >>> up.Connected()(x, progress=1.0)
         tensor(0.0154)
     """
 

@@ -112,7 +112,6 @@ def resume(
     with run_directory.locked(path, distribution.leads):
         if distribution.leads:
             run_directory.remove_temporaries(path)
-            (path / run_directory.VERDICT).unlink(missing_ok=True)  # it was the verdict on fewer steps
         if checkpoint.list_checkpoints(path / "checkpoints"):
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
         elif run_directory.read_recipe(path)["start"] is not None:
@@ -140,5 +139,7 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
                 roll_back(trainer, trouble)
                 going = True
         complete = trainer.progress() >= 1
+    if distribution.leads:
+        (out / run_directory.VERDICT).unlink(missing_ok=True)  # it was the verdict on fewer steps
     distribution.close()
     return Run(out, state.average, state.counters.step, state.domain, complete, recipe)
