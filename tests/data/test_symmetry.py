@@ -57,15 +57,15 @@ def test_the_plane_of_turned_shapes_is_found(
 
 
 @pytest.mark.parametrize("degrees, plane", FOUND)
-def test_thirty_pictures_of_a_view_are_enough(seen: dict[str, Collection], degrees: float, plane: str | None) -> None:
-    found = [plane_of_symmetry(turned(collection, degrees, 240)) for collection in seen.values()]
+def test_twelve_pictures_of_a_view_are_enough(seen: dict[str, Collection], degrees: float, plane: str | None) -> None:
+    found = [plane_of_symmetry(turned(collection, degrees, 96)) for collection in seen.values()]
     assert found == [plane] * len(found)
 
 
 def test_few_pictures_tell_nothing(seen: dict[str, Collection]) -> None:
-    for collection in seen.values():
+    for name in ("chairs", "cars", "birds"):
         for degrees in (0, 45):
-            assert plane_of_symmetry(turned(collection, degrees, 10)) is None
+            assert plane_of_symmetry(turned(seen[name], degrees, 10)) is None
 
 
 @pytest.mark.parametrize("name", SHAPES)

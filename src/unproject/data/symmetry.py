@@ -25,7 +25,7 @@ Plane = Literal["x", "z"]
 BINS, MOST = 8, 4096
 LARGEST = 0.2
 """(E - N) / V of symmetric objects, at most: those turned by 5 degrees have 0.05 to 0.2, by 10 degrees 0.3 to 0.6."""
-TELLING = 2.0
+TELLING = 1.5
 """Least V over the variance of a mean: with less, views differ by noise alone and nothing can be said."""
 LARGEST_OF_VOLUMES = 0.1
 """|x - flip(x)|² / 2 |x|² of symmetric volumes, at most."""
