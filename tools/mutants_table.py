@@ -2065,6 +2065,13 @@ ANY_CLASS = (
         "training/test_tries.py",
     ),
     mutant(
+        "tries: others throw the weights of --from away",
+        "training/start.py",
+        "state.counters.tried = state.recipe.tries.count",
+        "state.counters.tried = 0",
+        "training/test_start.py::test_no_other_try_throws_the_weights_away",
+    ),
+    mutant(
         "tries: a resumed try draws as the first",
         "training/state.py",
         "self._begin_assignments(self.counters.start)",

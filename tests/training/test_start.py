@@ -20,7 +20,7 @@ from unproject.assignment import PredictorFit
 from unproject.cli import main
 from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
-from unproject.training import Recipe, checkpoint, resume, train
+from unproject.training import Recipe, Tries, checkpoint, resume, train
 from unproject.training.start import start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
@@ -61,6 +61,15 @@ def test_the_weights_are_those_of_the_other_run_and_all_else_is_new(old: Path) -
     assert not any(part(found, prefix) for prefix in ("generator_optimiser/", "discriminator_optimiser/"))
     assert state.counters.step == 0 and found["panels/0/assignment/round"] == 0
     assert noted["panels"] == [{"discriminator": True, "views": True}] and noted["step"] == 4
+
+
+def test_no_other_try_throws_the_weights_away(old: Path, tmp_path: Path) -> None:
+    recipe = toy(steps=4, starts=STARTS).replace(tries=Tries(2, 0.25, least_steps=1))
+    tried = [
+        [line["event"] for line in train(recipe, tmp_path / name, start=start, quiet=True).stats() if "event" in line]
+        for name, start in (("new", None), ("from", old))
+    ]
+    assert tried[0].count("tried") == 2 and "tried" not in tried[1]
 
 
 def test_views_are_at_once_those_of_the_other_runs_predictor(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:

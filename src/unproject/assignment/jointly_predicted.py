@@ -8,7 +8,8 @@ With q(k | y) the predictor, both minimise
 
 and log K minus this cross entropy is a lower bound of the mutual information I(k; y) of views and pictures. A generator
 could make its projections more telling than pictures are, so w falls to 0 while the bound exceeds what the pictures
-hold by more than a margin: H(mean q) - mean H(q) over real pictures, which it cannot fake.
+seem to hold by more than a margin: H(mean q) - mean H(q) over real pictures. An overconfident q makes that too large,
+so the cap is loose where views differ little.
 
 References:
     Chen et al. 2016, InfoGAN (the bound, and its joint training).

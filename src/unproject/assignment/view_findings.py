@@ -53,7 +53,7 @@ def view_findings(real: Tensor, generated: Tensor) -> list[Finding]:
     )
     lost = "views are not found, or objects look alike from all sides; pictures cannot tell which"
     says = f"views are found ({of_real:.2f} of {most:.2f} nats)" if are_found(real) else lost
-    advice = "for elongated objects try --init-views, a higher --information, or known views"
+    advice = "train longer, try another --seed, or give known views"
     found = [Finding("views", Score(of_real, how, len(real)), FOUND * most, -math.inf, says, advice)]
     return found + ([world_finding(of_real, of_generated, len(real))] if of_generated >= FOUND * most else [])
 
@@ -64,5 +64,5 @@ def world_finding(of_real: float, of_generated: float, n: int) -> Finding:
     how = f"information of pictures over that of projections of samples, {of_generated:.2f} nats"
     honest = "shapes tell of views no more than pictures do"
     says = f"pictures tell only {ratio:.0%} of what generated shapes do of views: an artificial world"
-    advice = "lower --information, train longer, or try another --seed"
+    advice = "train longer, or try another --seed"
     return Finding("world", Score(ratio, how, n), *WORLD, honest if ratio > WORLD[0] else says, advice)

@@ -1,8 +1,8 @@
 """Start: a run that begins with the weights of another one instead of random ones, to learn from few images.
 
 Generator, averaged generator and, where they fit, discriminators and what assignments have learned are taken over;
-optimisers and counters begin anew. The first checkpoint, of step 0, holds all that, so the other run is not needed any
-more.
+optimisers and counters begin anew, and there is one try only. The first checkpoint, of step 0, holds all that, so the
+other run is not needed any more.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
         )
     state.generator.load_state_dict(stripped(tensors, "generator"))
     state.average.load_state_dict(stripped(tensors, "average"))
+    if state.recipe.tries is not None:  # others would begin from new weights
+        state.counters.tried = state.recipe.tries.count
     return {
         "run": str(path.absolute()),
         "step": int(newest.stem.removeprefix("step-")),
