@@ -34,6 +34,7 @@ _HOME = {
     "Known": "unproject.assignment",
     "Predicted": "unproject.assignment",
     "JointlyPredicted": "unproject.assignment",
+    "LearnedLatent": "unproject.assignment",
     "LearnedPrior": "unproject.assignment",
     "Unassigned": "unproject.assignment",
     "Rounds": "unproject.assignment",
@@ -141,6 +142,7 @@ if TYPE_CHECKING:
     from .assignment import GaussianInitialiser as GaussianInitialiser
     from .assignment import JointlyPredicted as JointlyPredicted
     from .assignment import Known as Known
+    from .assignment import LearnedLatent as LearnedLatent
     from .assignment import LearnedPrior as LearnedPrior
     from .assignment import MeanShapeInitialiser as MeanShapeInitialiser
     from .assignment import Panel as Panel

@@ -3,12 +3,14 @@
 `Known`: the observation of each image is known (MP-GAN). `Predicted`: a view predictor estimates it (VP-MP-GAN).
 `JointlyPredicted`: the predictor is trained along with the generator, which prefers views that can be predicted.
 `LearnedPrior`: only the distribution of views is learned (UVTomo-GAN). `Unassigned`: one discriminator for all views
-(PrGAN). An assignment of your own derives from `Assignment`.
+(PrGAN). `LearnedLatent`: a latent of unknown distribution, such as elevation. An assignment of your own derives from
+`Assignment`.
 """
 
 from .context import Context
 from .gaussian import GaussianInitialiser
 from .jointly_predicted import JointlyPredicted, JointlyPredictedState
+from .learned_latents import LearnedLatent, LearnedLatents
 from .learned_prior import LearnedPrior, LearnedPriorState
 from .mean_shape import MeanShapeInitialiser
 from .panel import Assignment, AssignmentState, Known, Panel
@@ -28,6 +30,8 @@ __all__ = [
     "JointlyPredicted",
     "JointlyPredictedState",
     "Known",
+    "LearnedLatent",
+    "LearnedLatents",
     "LearnedPrior",
     "LearnedPriorState",
     "MeanShapeInitialiser",

@@ -86,8 +86,8 @@ class LearnedPriorState(AssignmentState):
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         u = self.relaxed(len(x), rng)
         if not torch.is_grad_enabled():
-            return self.panel.project(x, u.argmax(1).cpu(), rng)
-        return project_softly(lambda some, views: self.panel.project(some, views, rng), x, u, self.settings.images)
+            return self.observe(x, u.argmax(1).cpu(), rng)
+        return project_softly(lambda some, views: self.observe(some, views, rng), x, u, self.settings.images)
 
     def take_over(self, tensors: dict[str, Tensor]) -> bool:
         fits = "logits" in tensors and tensors["logits"].shape == self.logits.shape

@@ -23,6 +23,7 @@ from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
 from .context import Context
+from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
 
 
@@ -73,6 +74,7 @@ class Panel:
             discriminator would memorise.
         held_out: images of all observations that the discriminator never trains on, to measure its overfitting by
             (`Collection.split`; `Adaptive`).
+        learned: latents whose distribution is learned along, the same for all observations; priors need not draw them.
 
     Raises:
         UserError: if observations differ in their projections, collections in the shape of their items, or their
@@ -93,6 +95,7 @@ class Panel:
     weight: float = 1.0
     penalty_scale: float = 1.0
     held_out: Collection | None = field(default=None, metadata={"described": "if given"})
+    learned: tuple[LearnedLatent, ...] = field(default=(), metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "observations", tuple(self.observations))
@@ -150,10 +153,15 @@ class Panel:
             images[mine] = self.collections[k].batch(rows[mine] - (self._ends[k - 1] if k else 0))
         return images
 
-    def project(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
-        """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection."""
+    def project(self, x: Tensor, views: Tensor, rng: torch.Generator, learned: LearnedLatents | None = None) -> Tensor:
+        """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection.
+
+        Args:
+            learned: draws those latents whose distribution is learned, in place of the priors.
+        """
         priors = [observation.prior for observation in self.observations]
         theta = sample_each(priors, views, rng) if priors[0].names else {}
+        theta |= learned.draw(len(x), rng) if learned else {}
         return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
 
 
@@ -164,6 +172,7 @@ class AssignmentState(nn.Module):
         views: (N,) the observation of each image.
         heads: (N,) the discriminator's head for each image.
         held_out_heads: (M,) the head for each image that is held out, if the panel has such; at first 0.
+        learned: the latents whose distribution is learned, if the panel has such.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
 
     Examples:
@@ -187,6 +196,7 @@ class AssignmentState(nn.Module):
         self.register_buffer("heads", heads)
         if panel.held_out is not None:
             self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=torch.long))
+        self.learned = LearnedLatents(panel.learned) if panel.learned else None
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> AssignmentState:
         """Move parameters and modules only: what is assigned stays on the CPU, where rows are drawn."""
@@ -200,7 +210,11 @@ class AssignmentState(nn.Module):
 
         Called with gradients off where only discriminators are updated.
         """
-        return self.panel.project(x, self.views[rows], rng)
+        return self.observe(x, self.views[rows], rng)
+
+    def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
+        """Return projections of x (B, ...) in `views` (B,), with what is learned of their latents."""
+        return self.panel.project(x, views, rng, self.learned)
 
     def take_over(self, tensors: dict[str, Tensor]) -> bool:
         """Begin with what another run's state of this panel, its `state_dict`, has learned; return whether it fits."""

@@ -212,7 +212,7 @@ class PredictedState(AssignmentState):
             rng = generator_at(seed, start, "labelled projections")
             x = run.generator(run.generator.draw(CHUNK // VIEWS_PER_SAMPLE, rng).to(run.device))
             views.append(torch.randint(len(self.panel.observations), (CHUNK,), generator=rng))
-            projections.append(self.panel.project(x.repeat_interleave(VIEWS_PER_SAMPLE, 0), views[-1], rng))
+            projections.append(self.observe(x.repeat_interleave(VIEWS_PER_SAMPLE, 0), views[-1], rng))
         count = self.settings.fit.images
         return torch.cat(projections)[:count], torch.cat(views)[:count]
 

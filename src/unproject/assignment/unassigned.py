@@ -37,7 +37,7 @@ class UnassignedState(AssignmentState):
     """Draws an observation for each sample anew; `views` is unused."""
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
-        return self.panel.project(x, self.draw_views(len(x), rng), rng)
+        return self.observe(x, self.draw_views(len(x), rng), rng)
 
     def view_shares(self, real: Tensor) -> None:
         return None

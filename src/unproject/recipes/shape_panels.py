@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -14,7 +15,7 @@ from torch import nn
 from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
-from ..assignment import JointlyPredicted, MeanShapeInitialiser, Panel, Predicted
+from ..assignment import JointlyPredicted, LearnedLatent, MeanShapeInitialiser, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
 from ..networks import Discriminator
 from ..ops.framing import common_fill, common_height
@@ -76,8 +77,7 @@ def pictures_of(
     """
     observations = silhouette_views(silhouette, bins, bands)
     collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed)
-    is_rendered = collection.latents is not None and "view" in collection.latents
-    if collection.items.shape[1] != 1 or is_rendered:
+    if collection.items.shape[1] != 1 or is_rendered(collection):
         return collection, observations
     some = collection.batch(torch.linspace(0, len(collection) - 1, min(len(collection), CHECKED)).long())
     by_reader = data is not None and Path(data).is_dir()
@@ -86,6 +86,18 @@ def pictures_of(
     cropped = Cropped(silhouette, common_height(some))
     larger = collection if data is None else read(data, size=2 * collection.items.shape[-1])
     return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands)
+
+
+def is_rendered(collection: Collection) -> bool:
+    """Whether silhouettes were rendered here, of volumes."""
+    return collection.latents is not None and "view" in collection.latents
+
+
+def camera_of(views: Views, collection: Collection, bands: int) -> tuple[LearnedLatent, ...]:
+    """Return what is learned of the cameras of pictures whose view is unknown."""
+    if views in ("known", "direct") or bands > 1 or is_rendered(collection):
+        return ()
+    return (LearnedLatent("elevation", math.radians(8), math.radians(5), -math.radians(30), math.radians(75)),)
 
 
 def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:

@@ -5,6 +5,7 @@ The arms of every comparison differ by `views` alone; `pairing` has the table.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -21,6 +22,7 @@ from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, panel_of
 from .shape_panels import (
+    camera_of,
     discriminator_of,
     falling_adam,
     jointly_predicted,
@@ -59,6 +61,7 @@ def shapes(
     init_views: bool = False,
     tries: int = 3,
     mirror: bool = True,
+    level: bool = False,
     **options: Unpack[Options],
 ) -> Recipe:
     """Shapes from silhouettes, for a laptop: low-rank generator, relativistic loss with lazy R1 + R2.
@@ -94,6 +97,7 @@ def shapes(
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
         mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
+        level: pictures of unknown view were taken by a level camera. Otherwise its elevation is learned along.
         options: fields of `Recipe`.
     """
     direct = views == "direct"
@@ -102,6 +106,7 @@ def shapes(
     symmetry = mirror_of(mirror, views, collection)
     joint = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands) if symmetry else (), init_views)
     panel = split_panel(views, observations, collection, joint, seed if augment else None, flips)
+    panel = replace(panel, learned=() if level else camera_of(views, collection, bands))
     return Recipe(
         generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=symmetry, hull=not direct),
         discriminator=discriminator_of(direct),

@@ -7,6 +7,7 @@ passes (gradient penalties) nor several forward passes a step.
 
 from __future__ import annotations
 
+import atexit
 import os
 from collections.abc import Iterable
 
@@ -46,6 +47,8 @@ class Distribution:
         if self.world == 1:
             return
         gradients = [p.grad for p in module.parameters() if p.grad is not None]
+        if not gradients:
+            return
         flat = self._mean(torch.cat([g.flatten() for g in gradients]))
         for gradient, part in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
             gradient.copy_(part.view_as(gradient))
@@ -78,13 +81,16 @@ class Distribution:
             dist.barrier()
 
     def close(self) -> None:
-        """Leave together: a process that exits first aborts the others."""
-        if self.world > 1 and dist.is_initialized():
-            dist.barrier()
-            dist.destroy_process_group()
+        """Leave a run together: a process that exits first aborts the others.
+
+        The group stays until the process ends: one that is formed anew may find the old addresses of the others in the
+        store, and then waits for them for ever.
+        """
+        self.barrier()
 
 
 def _join(device: torch.device) -> None:
+    atexit.register(dist.destroy_process_group)
     if device.type == "cpu":
         dist.init_process_group("gloo")
         return

@@ -138,4 +138,4 @@ def accuracy_of(domain: Domain, panel: Panel, predicted: Tensor, true: Tensor) -
 def projected(state: AssignmentState, x: Tensor, seed: int) -> Tensor:
     """Project samples in views as frequent as those of the panel's data."""
     rng = generator_at(seed, 0, "evaluation views")
-    return state.panel.project(x, state.draw_views(len(x), rng), rng)
+    return state.observe(x, state.draw_views(len(x), rng), rng)

@@ -48,14 +48,19 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     }
 
 
-def _take_over_panel(state: State, index: int, tensors: dict[str, Tensor]) -> dict[str, bool]:
+def _take_over_panel(state: State, index: int, tensors: dict[str, Tensor]) -> dict[str, Any]:
     """Take over what fits of a panel; say what did."""
     panel = state.panels[index]
     weights = stripped(tensors, "discriminators", f"{index}.")
     fits = not differing_weights(weights, panel.discriminator)
     if fits:
         panel.discriminator.load_state_dict(weights)
-    return {"discriminator": fits, "views": panel.assignment.take_over(stripped(tensors, f"panels/{index}/assignment"))}
+    found: dict[str, Any] = {"discriminator": fits}
+    learned, theirs = panel.assignment.learned, stripped(tensors, f"panels/{index}/assignment", "learned.")
+    if learned is not None and theirs and not differing_weights(theirs, learned):
+        learned.load_state_dict(theirs)
+        found["learned"] = [one.name for one in learned.settings]
+    return found | {"views": panel.assignment.take_over(stripped(tensors, f"panels/{index}/assignment"))}
 
 
 def differing_settings(theirs: Any, ours: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -55,6 +56,15 @@ class PanelState:
     assignment: AssignmentState
     augmentation: AugmentationState | None = None
     gradient_norm: float = 1.0
+
+    def log(self) -> dict[str, Any]:
+        """Return fields for the lines of the log."""
+        learned = self.assignment.learned
+        return {
+            **self.assignment.log(),
+            **(learned.log() if learned else {}),
+            **(self.augmentation.log() if self.augmentation else {}),
+        }
 
     def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
         """Return the rows of the `draw`-th batch of real images."""
@@ -152,6 +162,8 @@ class State:
         for i, panel in enumerate(self.panels):
             for name, optimiser in panel.assignment.optimisers().items():
                 yield f"panels/{i}/optimisers/{name}", optimiser
+            if panel.assignment.learned is not None:
+                yield f"panels/{i}/learned_optimiser", panel.assignment.learned.adam
 
     def tensors(self) -> dict[str, Tensor]:
         """Return every number of the state by name, on the CPU: what a checkpoint stores."""

@@ -174,6 +174,8 @@ class Trainer:
         self._apply(state.generator, state.generator_optimiser, loss + extra)
         for panel in state.panels:
             panel.assignment.update(self.distribution.average_gradients)
+            if panel.assignment.learned is not None:
+                panel.assignment.learned.update(self.distribution.average_gradients)
         return total
 
     def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
@@ -199,7 +201,7 @@ class Trainer:
 
     def _panel_log(self) -> dict[str, Any]:
         """Return the fields of assignments and augmentations, those of further panels with the panel's number."""
-        logs = [p.assignment.log() | (p.augmentation.log() if p.augmentation else {}) for p in self.state.panels]
+        logs = [panel.log() for panel in self.state.panels]
         return {(f"{name}/{i}" if i else name): value for i, log in enumerate(logs) for name, value in log.items()}
 
     def _assign(self, progress: float) -> bool:

@@ -109,7 +109,7 @@ def evidence(state: AssignmentState, x: Tensor, seed: int) -> Evidence:
     count = max(1, round(apart.float().sum(1).mean().item()))
     views = state.draw_views(count, rng)
     turns = zip((torch.arange(count) % len(x)).split(AT_ONCE), views.split(AT_ONCE), strict=True)
-    generated = torch.cat([panel.project(x[which], some, rng) for which, some in turns])
+    generated = torch.cat([state.observe(x[which], some, rng) for which, some in turns])
     known = state.views if trained_on else state.held_out_heads
     return Evidence(generated, views, real, known[rows] if state.fixes_gauge else None, panel.batch(others), apart)
 

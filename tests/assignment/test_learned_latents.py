@@ -1,0 +1,83 @@
+"""Learned latents: draws, limits, gradients, what they replace, and that they find a distribution."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+import unproject as up
+from unproject.assignment import LearnedLatent, LearnedLatents
+
+ELEVATION = LearnedLatent("elevation", mean=0.2, spread=0.1, low=-0.5, high=1.2)
+
+
+def rng(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def test_draws_have_the_mean_and_the_spread() -> None:
+    drawn = LearnedLatents([ELEVATION]).draw(20_000, rng())["elevation"]
+    assert drawn.shape == (20_000,)
+    assert abs(drawn.mean().item() - 0.2) < 3e-3 and abs(drawn.std().item() - 0.1) < 3e-3
+
+
+def test_draws_stay_within_the_limits() -> None:
+    latents = LearnedLatents([LearnedLatent("perspective", mean=0.1, spread=0.3, low=0.0, high=0.4)])
+    drawn = latents.draw(1000, rng())["perspective"].detach()
+    assert drawn.min() == 0.0 and drawn.max() == pytest.approx(0.4)
+
+
+def test_latents_of_one_panel_are_independent() -> None:
+    drawn = LearnedLatents([ELEVATION, LearnedLatent("roll", mean=0.0, spread=0.1)]).draw(5000, rng())
+    both = torch.stack([drawn["elevation"], drawn["roll"]])
+    assert abs(torch.corrcoef(both)[0, 1].item()) < 0.05
+
+
+def test_a_fixed_mean_has_no_gradient_and_its_spread_has() -> None:
+    latents = LearnedLatents([LearnedLatent("roll", mean=0.0, spread=0.1, fixed_mean=True)])
+    latents.draw(100, rng())["roll"].square().mean().backward()
+    assert latents.shift.grad is not None and latents.shift.grad.item() == 0.0
+    assert latents.log_scale.grad is not None and latents.log_scale.grad.item() > 0
+
+
+@pytest.mark.parametrize("bad", [{"spread": 0.0}, {"rate": 0.0}, {"mean": 2.0}])
+def test_senseless_settings_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(up.UserError, match="give a positive spread and rate"):
+        LearnedLatent(**{"name": "elevation", "mean": 0.2, "spread": 0.1, "low": -0.5, "high": 1.2} | bad)
+
+
+def panel_of(elevation: float, count: int = 96, size: int = 16) -> up.Panel:
+    """Return chairs seen from one elevation, and observations that know nothing of it."""
+    x = up.data.chairs(count, size, seed=1)
+    azimuth = torch.rand(count, generator=rng(2)) * 2 * math.pi
+    silhouette = up.Silhouette(size=size, rule="absorption", density=2.0)
+    pictures = silhouette(x, azimuth=azimuth, elevation=torch.full((count,), elevation))
+    views = up.projections.azimuth_bins(4, silhouette)
+    return up.Panel(views, up.Collection(pictures), up.Predicted(), learned=(ELEVATION,))
+
+
+def test_a_learned_latent_takes_the_place_of_the_prior() -> None:
+    panel = panel_of(0.0)
+    state = panel.assignment.begin(panel, seed=0)
+    x, views = up.data.chairs(4, 16), torch.zeros(4, dtype=torch.long)
+    level, tilted = panel.project(x, views, rng()), state.observe(x, views, rng())
+    assert not torch.allclose(level, tilted, atol=0.05)
+    assert tilted.requires_grad and not level.requires_grad
+
+
+def test_gradient_finds_the_distribution_of_the_pictures() -> None:
+    """The shapes are the true ones, so only elevation is unknown: the mean picture of each is matched."""
+    count, size = 48, 16
+    x = up.data.chairs(count, size, seed=1)
+    silhouette = up.Silhouette(size=size, rule="absorption", density=2.0)
+    azimuth = torch.rand(count, generator=rng(2)) * 2 * math.pi
+    true = silhouette(x, azimuth=azimuth, elevation=0.5 + 0.05 * torch.randn(count, generator=rng(3)))
+    latents = LearnedLatents([LearnedLatent("elevation", 0.1, 0.15, -0.5, 1.2, rate=0.05)])
+    for step in range(120):
+        made = silhouette(x, azimuth=azimuth, elevation=latents.draw(count, rng(step))["elevation"])
+        (made - true).square().mean().backward()
+        latents.update(lambda module: None)
+    assert abs(latents.means().item() - 0.5) < 0.05
+    assert latents.spreads().item() < 0.1

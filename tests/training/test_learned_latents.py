@@ -1,0 +1,71 @@
+"""Learned latents: training moves them, a killed run resumes bit for bit, and --from takes them over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from comparing import differences, final, stats
+from toy import jointly, toy, with_panel
+
+from unproject.assignment import LearnedLatent
+from unproject.domains import Domain
+from unproject.training import Recipe, resume, train
+from unproject.training.start import start_from
+from unproject.training.state import State
+from unproject.training.trainer import Trainer
+
+ELEVATION = LearnedLatent("elevation", mean=0.2, spread=0.1, low=-0.5, high=1.2)
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Domain, "write_preview", lambda *_: None)
+
+
+def tilted(recipe: Recipe) -> Recipe:
+    return with_panel(recipe, learned=(ELEVATION,))
+
+
+@pytest.mark.parametrize("views", ["predicted", "single", "learned", "joint"])
+def test_training_moves_them(views: str, tmp_path: Path) -> None:
+    recipe = jointly(toy(steps=4)) if views == "joint" else toy(steps=4, views=views)  # type: ignore[arg-type]
+    run = train(tilted(recipe), tmp_path / "run", quiet=True)
+    found = final(run.path)
+    assert found["panels/0/assignment/learned.shift"].item() != 0.0
+    assert found["panels/0/assignment/learned.log_scale"].item() != 0.0
+    mean, spread = stats(run.path)[-1]["elevation"]
+    assert 0 < abs(mean - 0.2) < 0.02 and 0 < abs(spread - 0.1) < 0.02
+
+
+def test_a_killed_run_resumes_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recipe = tilted(jointly(toy(steps=6, checkpoint_every=2)))
+    whole = train(recipe, tmp_path / "whole", quiet=True).path
+    update, calls = Trainer._update_generator, 0
+
+    def kill_in_the_fourth(*arguments: object) -> torch.Tensor:
+        nonlocal calls
+        calls += 1
+        if calls == 4:
+            raise KeyboardInterrupt
+        return update(*arguments)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "_update_generator", kill_in_the_fourth)
+        with pytest.raises(KeyboardInterrupt):
+            train(recipe, tmp_path / "killed", quiet=True)
+    assert resume(tmp_path / "killed", recipe, quiet=True).step == 6
+    assert differences(whole, tmp_path / "killed") == []
+
+
+def test_another_run_gives_what_it_learned(tmp_path: Path) -> None:
+    recipe = tilted(toy(steps=4))
+    old = train(recipe, tmp_path / "old", quiet=True).path
+    state = State(recipe, torch.device("cpu"))
+    noted = start_from(state, old)
+    assert noted["panels"][0]["learned"] == ["elevation"]
+    key = "panels/0/assignment/learned.shift"
+    assert torch.equal(state.tensors()[key], final(old)[key])
+    level = State(toy(steps=4), torch.device("cpu"))
+    assert "learned" not in start_from(level, old)["panels"][0]
