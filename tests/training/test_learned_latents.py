@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,8 @@ from toy import jointly, toy, with_panel
 
 from unproject.assignment import LearnedLatent
 from unproject.domains import Domain
-from unproject.training import Recipe, resume, train
+from unproject.networks import LowRankGenerator
+from unproject.training import Recipe, load, resume, train
 from unproject.training.start import start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
@@ -33,8 +35,7 @@ def test_training_moves_them(views: str, tmp_path: Path) -> None:
     recipe = jointly(toy(steps=4)) if views == "joint" else toy(steps=4, views=views)  # type: ignore[arg-type]
     run = train(tilted(recipe), tmp_path / "run", quiet=True)
     found = final(run.path)
-    assert found["panels/0/assignment/learned.shift"].item() != 0.0
-    assert found["panels/0/assignment/learned.log_scale"].item() != 0.0
+    assert found["panels/0/assignment/learned.elevation.mean"].item() != pytest.approx(0.2, abs=1e-6)
     mean, spread = stats(run.path)[-1]["elevation"]
     assert 0 < abs(mean - 0.2) < 0.02 and 0 < abs(spread - 0.1) < 0.02
 
@@ -65,7 +66,17 @@ def test_another_run_gives_what_it_learned(tmp_path: Path) -> None:
     state = State(recipe, torch.device("cpu"))
     noted = start_from(state, old)
     assert noted["panels"][0]["learned"] == ["elevation"]
-    key = "panels/0/assignment/learned.shift"
+    key = "panels/0/assignment/learned.elevation.mean"
     assert torch.equal(state.tensors()[key], final(old)[key])
     level = State(toy(steps=4), torch.device("cpu"))
     assert "learned" not in start_from(level, old)["panels"][0]
+
+
+@pytest.mark.parametrize(("elevation", "hull"), [(0.02, True), (-0.02, True), (0.3, False), (-0.3, False)])
+def test_hulls_are_sampled_of_level_cameras_only(elevation: float, hull: bool, tmp_path: Path) -> None:
+    """From above a camera sees concavities; as trained and as loaded."""
+    latent = LearnedLatent("elevation", elevation, spread=0.02)
+    recipe = with_panel(toy(steps=1), learned=(latent,))
+    recipe = recipe.replace(generator=partial(LowRankGenerator, size=16, channels=8, rank=4, code_size=8, hull=True))
+    run = train(recipe, tmp_path / "run", quiet=True)
+    assert run.generator.hull is load(run.path).generator.hull is hull

@@ -11,7 +11,7 @@ References:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -29,10 +29,10 @@ class LearnedLatent:
         mean, spread: m and s at the start.
         low, high: limits of θ.
         fixed_mean: learn s alone.
-        rate: Adam's learning rate of m / spread and log s, β = (0.5, 0.99).
+        rate: Adam's learning rate of log s, and of m in units of `spread`, β = (0.5, 0.99).
 
     Raises:
-        UserError: for a spread or a rate that is not positive, or a mean outside the limits.
+        UserError: for a spread or a rate that is not positive, a mean outside the limits, or what is no name.
 
     Examples:
         >>> import unproject as up
@@ -49,39 +49,40 @@ class LearnedLatent:
     rate: float = 0.01
 
     def __post_init__(self) -> None:
-        if not (self.spread > 0 and self.rate > 0 and self.low <= self.mean <= self.high):
-            raise UserError(f"{self}: give a positive spread and rate, and a mean between low and high")
+        if not (self.spread > 0 and self.rate > 0 and self.low <= self.mean <= self.high and self.name.isidentifier()):
+            raise UserError(f"{self}: give a name, a positive spread and rate, and a mean between low and high")
 
 
 class LearnedLatents(nn.Module):
-    """The latents of one panel.
-
-    Attributes:
-        shift: (L,), of m from its start, in units of the initial spread. `log_scale`: (L,), of s over its start.
-    """
+    """The latents of one panel; the checkpoint holds `NAME.mean` and `NAME.log_spread` of each."""
 
     def __init__(self, settings: Sequence[LearnedLatent]) -> None:
         super().__init__()
         self.settings = tuple(settings)
-        self.shift = nn.Parameter(torch.zeros(len(self.settings)))
-        self.log_scale = nn.Parameter(torch.zeros(len(self.settings)))
-        groups = [{"params": [self.shift]}, {"params": [self.log_scale]}]
-        self.adam = torch.optim.Adam(groups, max((one.rate for one in settings), default=0.01), (0.5, 0.99))
+        groups = []
+        for one in self.settings:
+            own = nn.ParameterDict({"mean": torch.tensor(one.mean), "log_spread": torch.tensor(math.log(one.spread))})
+            self.add_module(one.name, own)
+            groups.append({"params": [own["log_spread"]], "lr": one.rate})
+            if one.fixed_mean:
+                own["mean"].requires_grad_(False)
+            else:
+                groups.append({"params": [own["mean"]], "lr": one.rate * one.spread})
+        self.adam = torch.optim.Adam(groups, betas=(0.5, 0.99))
 
-    def means(self) -> Tensor:
-        """Return m, (L,)."""
-        start = self.shift.new_tensor([[one.mean, one.spread, 0.0 if one.fixed_mean else 1.0] for one in self.settings])
-        return start[:, 0] + start[:, 1] * start[:, 2] * self.shift
-
-    def spreads(self) -> Tensor:
-        """Return s, (L,)."""
-        return self.log_scale.new_tensor([one.spread for one in self.settings]) * self.log_scale.exp()
+    def _own(self) -> Iterator[tuple[LearnedLatent, Tensor, Tensor]]:
+        """Yield each latent with its m and s."""
+        for one in self.settings:
+            own = self.get_submodule(one.name)
+            assert isinstance(own, nn.ParameterDict)
+            yield one, own["mean"], own["log_spread"].exp()
 
     def draw(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
         """Return n draws of each latent: name → (n,)."""
-        noise = torch.randn(len(self.settings), n, generator=rng).to(self.shift)
-        drawn = self.means()[:, None] + self.spreads()[:, None] * noise
-        return {one.name: row.clamp(one.low, one.high) for one, row in zip(self.settings, drawn, strict=True)}
+        return {
+            one.name: (m + s * torch.randn(n, generator=rng).to(m)).clamp(one.low, one.high)
+            for one, m, s in self._own()
+        }
 
     def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
         """Take a step of Adam after the backward pass of the generator's loss."""
@@ -90,6 +91,5 @@ class LearnedLatents(nn.Module):
         self.adam.zero_grad()
 
     def log(self) -> dict[str, list[float]]:
-        """Return each latent's (m, s)."""
-        pairs = zip(self.settings, self.means().tolist(), self.spreads().tolist(), strict=True)
-        return {one.name: [round(m, 4), round(s, 4)] for one, m, s in pairs}
+        """Return (m, s) of each latent."""
+        return {one.name: [round(m.item(), 4), round(s.item(), 4)] for one, m, s in self._own()}

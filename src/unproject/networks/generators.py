@@ -28,7 +28,7 @@ class Generator(nn.Module, ABC):
         code_size: L, the length of a code.
         truncation: the bound of |z| in `sample`, a truncated normal distribution (default: none).
         hull: `sample` returns the visual hull of volumes (`ops.visual_hull`). Silhouettes at elevation 0 determine a
-            volume up to its hull, so cavities of a sample are arbitrary.
+            volume up to its hull, so cavities of a sample are arbitrary. Runs whose cameras are not level turn it off.
 
     Examples:
         >>> import torch, unproject as up

@@ -97,7 +97,7 @@ def camera_of(views: Views, collection: Collection, bands: int) -> tuple[Learned
     """Return what is learned of the cameras of pictures whose view is unknown."""
     if views in ("known", "direct") or bands > 1 or is_rendered(collection):
         return ()
-    return (LearnedLatent("elevation", math.radians(8), math.radians(5), -math.radians(30), math.radians(75)),)
+    return (LearnedLatent("elevation", math.radians(15), math.radians(8), -math.radians(30), math.radians(75)),)
 
 
 def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:

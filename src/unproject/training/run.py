@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -27,6 +28,9 @@ from .recipe import Recipe
 from .run_directory import read_origin, read_recipe
 from .state import begin_assignments, load_module
 from .verdict import Verdict, judge
+
+LEVEL = math.radians(6)
+"""Cameras count as level if the mean and the spread of their elevation are less together."""
 
 
 @dataclass(frozen=True)
@@ -186,8 +190,17 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
         generator.load_state_dict({name.removeprefix("average/"): v for name, v in tensors.items()})
     except RuntimeError as error:
         raise UserError(f"{newest}: the weights do not fit recipe.json; they belong to another run") from error
+    keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = int(newest.stem.removeprefix("step-"))
     return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
+
+
+def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> None:
+    """Sample no hulls if a learned elevation is not level: cameras from above see concavities that those do not."""
+    for name, mean in tensors.items():
+        if name.endswith("/assignment/learned.elevation.mean"):
+            spread = tensors[name.removesuffix("mean") + "log_spread"].exp()
+            generator.hull = generator.hull and bool(mean.abs() + spread < LEVEL)
 
 
 def is_foreign(path: Path) -> bool:
