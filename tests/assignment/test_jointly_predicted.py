@@ -16,7 +16,7 @@ from torch import Tensor
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.assignment import Estimator, JointlyPredicted, JointlyPredictedState, Panel, PredictorFit, Rounds
-from unproject.assignment.jointly_predicted import MEMORY
+from unproject.assignment.jointly_predicted import LEAST_BALANCE, MEMORY, TOLD
 from unproject.assignment.predicted import information
 from unproject.data import Collection
 from unproject.networks import ViewPredictor
@@ -188,3 +188,20 @@ def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balance
     assert state.of_data.item() == pytest.approx(information(p))
     wanted = torch.full((BINS,), 1 / BINS) if balanced else p.mean(0)
     torch.testing.assert_close(found.mean(0), wanted, atol=1e-3, rtol=0)
+
+
+def test_a_little_of_the_balance_is_always_left() -> None:
+    """Views that look alike would drift apart: m becomes m^(1 - 1/4), if the balance is 1 and all is told."""
+    state = begun()
+    state.joint = state.settings = replace(state.joint, estimator=Estimator("posterior", balance=1.0))
+    p = torch.full((25, BINS), 1e-4)
+    p[torch.arange(25), torch.arange(25) % 5 % BINS] = 0.55
+    p[torch.arange(25), (torch.arange(25) % 5 + 1) % BINS] = 0.45
+    p[:10] = p[:1]
+    state._probabilities = lambda: p / p.sum(1, keepdim=True)  # pyright: ignore[reportPrivateUsage]
+    found = state._responsibilities().mean(0)  # pyright: ignore[reportPrivateUsage]
+    own = (p / p.sum(1, keepdim=True)).mean(0)
+    told = min(1.0, state.of_data.item() / (TOLD * math.log(BINS)))
+    wanted = own ** (1 - max(LEAST_BALANCE, 1 - told))
+    assert 1 - told < LEAST_BALANCE
+    torch.testing.assert_close(found, wanted / wanted.sum(), atol=2e-3, rtol=0)

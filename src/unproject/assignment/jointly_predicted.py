@@ -36,6 +36,8 @@ from .view_findings import information
 
 TOLD = 0.55
 """Share of log K from which on information counts as whole: objects that are their own mirror images hold 0.75."""
+LEAST_BALANCE = 0.25
+"""Share of the balance that is left when all is told. Without any, shares of views that look alike drift apart."""
 MEMORY = 0.02
 """Share of the newest step in the moving average of the cross entropy."""
 
@@ -130,7 +132,8 @@ class JointlyPredictedState(PredictedState):
         p, estimator = self._probabilities(), self.settings.estimator
         self.of_data.fill_(information(p))
         told = min(1.0, float(self.of_data) / (TOLD * math.log(p.shape[1])))
-        return replace(estimator, balance=estimator.balance * (1 - told)).responsibilities(p)
+        balance = estimator.balance * max(LEAST_BALANCE, 1 - told)
+        return replace(estimator, balance=balance).responsibilities(p)
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:
         return {"online": self.online}
