@@ -4,8 +4,8 @@
     python benchmarks/minutes.py --data SHARED --out RESULTS --classes birds --minutes 5 10
 
 Every budget is a run of its own, from the start: rates, rounds, tries and the fall of weights follow the budget.
-Default flags, one thread, one seed after another. SHARED holds shapes3d/ and silhouettes/. An arm is a class, views, a budget
-and a seed:
+Default flags, one thread, one seed after another. SHARED holds shapes3d/ and silhouettes/. An arm is a class, views, a
+budget and a seed:
 
     chairs   ModelNet's, 16 binary silhouettes of each of 200, as they are (the form "plain" of any_class.py)
              predicted   nothing is known of the views
