@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 import torch
 from PIL import Image
-from results import Results
+from results import Results, minutes_of
 from torch import Tensor
 
 import unproject as up
@@ -140,8 +140,7 @@ def trained(recipe: up.Recipe, place: Path) -> tuple[up.Run, dict[str, Any]]:
     """Train, or go on with what is there; return the run, its steps and its minutes."""
     begun = (place / "recipe.json").exists()
     run = up.resume(place, quiet=True) if begun else up.train(recipe, place, quiet=True)
-    last = run.stats()[-1]
-    return run, {"steps": run.step, "minutes": round(last["seconds"] / 60, 1)}
+    return run, {"steps": run.step, "minutes": minutes_of(run)}
 
 
 def shapes_quality(run: up.Run, folder: Path, fixed: bool) -> dict[str, float]:

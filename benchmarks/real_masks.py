@@ -35,7 +35,7 @@ from typing import Any
 import torch
 from masks import SOURCES, evenly, silhouettes_quality, write_folder
 from PIL import Image, ImageDraw, ImageFont
-from results import Results
+from results import Results, minutes_of
 from torch import Tensor
 
 from unproject import export
@@ -73,7 +73,7 @@ def train(folder: Path, place: Path, minutes: float, threads: int) -> str:
 def shapes_sheet(x: Tensor, size: int = 96) -> Image.Image:
     """Return each shape, a row, from four sides at eye level and from above one corner."""
     level = export.contact_sheet(x, azimuths=SIDES, elevation=0.0, size=size)
-    above = export.contact_sheet(x, azimuths=[OBLIQUE], elevation=math.radians(25), size=size, names=[""] * len(x))
+    above = export.contact_sheet(x, azimuths=[OBLIQUE], elevation=math.radians(25), size=size)
     sheet = Image.new("RGB", (level.width + above.width, level.height), "white")
     sheet.paste(level)
     sheet.paste(above, (level.width, 0))
@@ -116,7 +116,7 @@ def result_of(place: Path, out: Path, name: str) -> dict[str, Any]:
     found = {} if held_out is None else silhouettes_quality(run, recipe, held_out.floats())
     about = {"verdict": verdict["word"], "line": verdict["line"], "steps": run.step}
     views = {name: score.value for name, score in state.checks().items()}
-    return about | {"minutes": round(run.stats()[-1]["seconds"] / 60, 1), **found, **views}
+    return about | {"minutes": minutes_of(run), **found, **views}
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import torch
 
+from unproject.training import Run
 from unproject.training.run_directory import environment
 
 
@@ -26,6 +27,11 @@ def origin() -> dict[str, str]:
         "machine": f"{os.cpu_count()} cores, {environment()['processor']}",
         "torch": torch.__version__,
     }
+
+
+def minutes_of(run: Run) -> float:
+    """Return the minutes of training up to the last line of the log."""
+    return round(max((line["seconds"] for line in run.stats()), default=0.0) / 60, 1)
 
 
 class Results:

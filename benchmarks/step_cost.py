@@ -8,6 +8,7 @@ of its own, all begun with the weights of one short training, and views given ev
 
     as it is       the default: JointlyPredicted, Adaptive(Affine), Connected; augmentation at its greatest strength
     strength 0     the default while no overfitting is measured: augmentation draws, and changes nothing
+    steering       the information's weight 0, as after 60 % of a budget: a predictor is trained, and steers nothing
     information    without it: the plain Predicted assignment of the same rounds, which has no predictor within a step
     augmentation   without it: no picture held out, none augmented
     both           without the two
@@ -77,6 +78,7 @@ class Arm:
 ARMS = (
     Arm(WHOLE, {}),
     Arm("strength 0", {}, strength=0.0),
+    Arm("steering", {"information": 0.0}),
     Arm("information", {"tries": 1}, plain_views),
     Arm("augmentation", {"augment": False}),
     Arm("both", {"augment": False, "tries": 1}, plain_views),
@@ -137,7 +139,8 @@ def turns(size: int, repeats: int, warm: int, count: int = CHAIRS) -> tuple[dict
         for arm in arms:
             arm.begin(arms[0])
         seconds = [turn(arms) for _ in range(repeats + 1)][1:]  # first steps have work that others have not
-        rounds = {a.arm.name: median(a.round() for _ in range(3)) for a in arms if a.arm.name in (WHOLE, "information")}
+        compared = [arm for arm in arms if arm.arm.name in (WHOLE, "information")]
+        rounds = {arm.arm.name: median(arm.round() for _ in range(min(repeats, 3))) for arm in compared}
     return {arm.name: list(column) for arm, column in zip(ARMS, zip(*seconds))}, rounds
 
 
