@@ -7,7 +7,8 @@ SHARED holds silhouettes/: 297 birds (masks of CUB-200-2011), 100 chairs and 154
 pixels a side, and of the Caltech 101 silhouettes, 28 pixels a side, airplanes (798), motorbikes (798) and cars from the
 side (123). These are the three classes of vehicles with most pictures, named before any was trained; of the classes
 with more pictures than cars, faces and watches are seen from the front only, and a leopard's or a bonsai's shape is
-none to know by its outline.
+none to know by its outline. Whoever made these silhouettes stretched each to one of a few boxes, of cars 0.93 or 1.44
+as wide as high: outlines of one side look like views of several, and proportions that are learned are not a car's.
 
 Each class is written once as a folder of PNGs and trained by `unproject train shapes --data FOLDER --minutes MINUTES`
 (and --out, --threads, which decide nothing of the method) in a process of its own. In RESULTS there are then

@@ -167,6 +167,10 @@ def test_minutes_train_on_volumes_and_silhouettes(named: object, small: None, tm
     minutes = named("minutes")  # type: ignore[operator]
     folder, x = tmp_path / "data" / "chair", up.data.chairs(12, 32)
     folder.mkdir(parents=True)
-    torch.save({"azimuth": torch.zeros(0), "train": x[:8], "test": x[8:]}, folder / "truth.pt")
-    found = minutes.chairs_arm("direct", 0, 1.0, tmp_path, tmp_path)
-    assert found["steps"] == 2 and found["mmd_ratio"] > 0
+    torch.save({"azimuth": torch.linspace(0, 6, 24), "train": x[:8], "test": x[8:]}, folder / "truth.pt")
+    np.savez(folder / "plain.npz", sil=discs(24))
+    (folder / "ceiling-plain.json").write_text("0.5")  # else a predictor is trained for it
+    direct, predicted = (minutes.chairs_arm(v, 0, 1.0, tmp_path, tmp_path) for v in ("direct", "predicted"))
+    assert direct["steps"] == 2 and direct["mmd_ratio"] > 0 and "views" not in direct
+    assert predicted["views_of_ceiling"] == predicted["views"] / 0.5
+    assert minutes.chairs_arm("direct", 0, 1.0, tmp_path, tmp_path) == direct  # the run that is there
