@@ -15,10 +15,11 @@ of its own, all begun with the weights of one short training, and views given ev
     Connected      without it
 
 The arms alternate step by step, in CPU seconds, so that other work on the machine slows all alike. A turn is eight
-steps of each, the period of the gradient penalty; a share is 1 - t(without) / t(as it is) within a turn, and what is
-printed is the median over turns and the range. Asked: information and augmentation at most 10 % of a step. A round, in
+steps of each, the period of the gradient penalty. With t and t' the seconds of steps as it is and without, and of each
+of the eight the median over turns, share = mean median(t - t') / mean median(t); those of the two halves of the turns,
+every other one, say how noisy the machine is. Asked: information and augmentation at most 10 % of a step. A round, in
 which all pictures are assigned anew, is timed apart: a run has 40 of them, and only those of the plain Predicted fit a
-predictor, which the last line sets against the steps of a run of 20 minutes.
+predictor, which the last line sets against a run of 20 minutes.
 
 Silhouettes at 64³, batch 16, both ways: level ones against the released algorithm (asked: 15 times as fast), tilted
 ones against level ones (asked: at most 3 times the time), `silhouettes.py` says how.
@@ -98,6 +99,7 @@ class Timed:
     def begin(self, other: Timed) -> None:
         """Take over the networks of a training; give views evenly, as the time of heads depends on that."""
         state, begun = self.trainer.state, other.trainer.state
+        state.counters.step = 0  # all at the same place in the period of the penalty
         for name in ("generator", "average", "discriminators"):
             getattr(state, name).load_state_dict(getattr(begun, name).state_dict())
         if self.panel.augmentation is not None:
@@ -128,8 +130,8 @@ def pictures(size: int, count: int, folder: Path) -> Path:
     return path
 
 
-def turns(size: int, repeats: int, warm: int, count: int = CHAIRS) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """Return the seconds of a step of each arm in each turn, and of a round with and without the information."""
+def turns(size: int, repeats: int, warm: int, count: int = CHAIRS) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Return seconds (turns, steps) of each arm, and of a round with and without the information."""
     with tempfile.TemporaryDirectory() as name, Recorder(Path(name), quiet=True) as recorder:
         folder = Path(name)
         data = pictures(size, count, folder)
@@ -138,34 +140,38 @@ def turns(size: int, repeats: int, warm: int, count: int = CHAIRS) -> tuple[dict
             arms[0].step()
         for arm in arms:
             arm.begin(arms[0])
-        seconds = [turn(arms) for _ in range(repeats + 1)][1:]  # first steps have work that others have not
+        seconds = np.array([turn(arms) for _ in range(repeats + 1)][1:])  # first steps have work that others have not
         compared = [arm for arm in arms if arm.arm.name in (WHOLE, "information")]
         rounds = {arm.arm.name: median(arm.round() for _ in range(min(repeats, 3))) for arm in compared}
-    return {arm.name: list(column) for arm, column in zip(ARMS, zip(*seconds))}, rounds
+    return {arm.name: seconds[:, :, k] for k, arm in enumerate(ARMS)}, rounds
 
 
-def turn(arms: Sequence[Timed]) -> list[float]:
-    """Return the mean seconds of the next steps of each arm, which take turns step by step."""
-    return [sum(column) / PERIOD for column in zip(*([arm.step() for arm in arms] for _ in range(PERIOD)))]
+def turn(arms: Sequence[Timed]) -> list[list[float]]:
+    """Return the seconds of the next steps (steps, arms), taken in turn."""
+    return [[arm.step() for arm in arms] for _ in range(PERIOD)]
 
 
-def shares(seconds: dict[str, list[float]]) -> dict[str, list[float]]:
-    """Return 1 - t(without) / t(as it is) of each arm in each turn."""
-    return {
-        name: [1 - t / t_whole for t, t_whole in zip(column, seconds[WHOLE])]
-        for name, column in seconds.items()
-        if name != WHOLE
-    }
+def typical(seconds: np.ndarray) -> float:
+    """Return the mean over a turn's steps of the medians over turns."""
+    return float(np.median(seconds, 0).mean())
 
 
-def step_table(size: int, seconds: dict[str, list[float]], rounds: dict[str, float]) -> str:
-    whole = median(seconds[WHOLE])
-    lines = [f"| {size}³, without | seconds a step | share of a step | range | asked |", "|---" * 5 + "|"]
-    lines.append(f"| nothing | {whole:.3f} | | | |")
-    for name, found in shares(seconds).items():
-        asked = "" if name != "both" else f"at most {ASKED:.0%}: " + ("met" if median(found) <= ASKED else "MISSED")
-        spread = f"{min(found):.1%} to {max(found):.1%}"
-        lines.append(f"| {name} | {median(seconds[name]):.3f} | {median(found):.1%} | {spread} | {asked} |")
+def share(whole: np.ndarray, without: np.ndarray) -> float:
+    """Return the share of a step that is spared, from seconds (turns, steps) in the same turns."""
+    return typical(whole - without) / typical(whole)
+
+
+def step_table(size: int, seconds: dict[str, np.ndarray], rounds: dict[str, float]) -> str:
+    whole = seconds[WHOLE]
+    lines = [f"| {size}³, without | seconds a step | share of a step | halves of the turns | asked |", "|---" * 5 + "|"]
+    lines.append(f"| nothing | {typical(whole):.3f} | | | |")
+    for name, column in seconds.items():
+        if name == WHOLE:
+            continue
+        found, halves = share(whole, column), [share(whole[k::2], column[k::2]) for k in range(2) if len(whole) > 1]
+        asked = "" if name != "both" else f"at most {ASKED:.0%}: " + ("met" if found <= ASKED else "MISSED")
+        spread = ", ".join(f"{half:.1%}" for half in halves)
+        lines.append(f"| {name} | {typical(column):.3f} | {found:.1%} | {spread} | {asked} |")
     joint, plain = rounds[WHOLE], rounds["information"]
     spared = ROUNDS * (plain - joint) / (60 * MINUTES)
     told = f"A round of {CHAIRS * EACH} pictures: {joint:.2f} s, without information {plain:.2f} s; {ROUNDS} rounds"

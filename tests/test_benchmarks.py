@@ -88,16 +88,17 @@ def test_parts_of_a_step_are_timed(named: object, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(step_cost, "PERIOD", 1)
     seconds, rounds = step_cost.turns(16, repeats=1, warm=1, count=4)
     assert set(seconds) == {arm.name for arm in step_cost.ARMS}
-    assert all(len(column) == 1 and column[0] > 0 for column in seconds.values())
+    assert all(column.shape == (1, 1) and column.item() > 0 for column in seconds.values())
     assert rounds["as it is"] < rounds["information"]  # only the plain Predicted fits a predictor
 
 
 def test_shares_of_a_step_are_taken_within_a_turn(named: object) -> None:
     step_cost = named("step_cost")  # type: ignore[operator]
-    seconds = {"as it is": [1.0, 2.0], "both": [0.8, 1.9]}
-    assert step_cost.shares(seconds)["both"] == pytest.approx([0.2, 0.05])
-    table = step_cost.step_table(32, seconds, {"as it is": 0.5, "information": 3.5})
-    assert "| both | 1.350 | 12.5% | 5.0% to 20.0% | at most 10%: MISSED |" in table
+    whole = np.array([[1.0, 3.0], [2.0, 6.0]])
+    table = step_cost.step_table(32, {"as it is": whole, "both": 0.8 * whole}, {"as it is": 0.5, "information": 3.5})
+    assert "| both | 2.400 | 20.0% | 20.0%, 20.0% | at most 10%: MISSED |" in table
+    slow = np.array([[1.0, 1.0], [1.0, 1.0], [9.0, 1.0]])  # other work, in one step
+    assert step_cost.share(slow, np.full((3, 2), 0.9)) == pytest.approx(0.1)
     assert "spare 10.0% of a run" in table
     silhouettes = step_cost.silhouette_table({"any": {"ratio": 12.0}, "tilted, any": {"ratio": 2.0}})
     assert "12.0 times as fast | 15: MISSED" in silhouettes and "2.00 times the time | 3: met" in silhouettes
