@@ -1,7 +1,7 @@
 """What the parts of a training step of `shapes` cost, and silhouettes, as shares and ratios measured in one run.
 
-    python benchmarks/step_cost.py                            # 32³ and 64³, and silhouettes: about six minutes
-    python benchmarks/step_cost.py --sizes 32 --repeats 9 --no-silhouettes
+    python benchmarks/step_cost.py                            # 32³ and 64³, and silhouettes: about 20 minutes
+    python benchmarks/step_cost.py --sizes 32 --no-silhouettes          # three, or six on a busy machine
 
 Default flags, one thread, silhouettes of embedded procedural chairs. Arms, each with networks, optimisers and pictures
 of its own, all begun with the weights of one short training, and views given evenly, so that all heads are in use:
