@@ -22,10 +22,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
-import platform
-import subprocess
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -33,6 +29,7 @@ from typing import Any
 import numpy as np
 import torch
 from PIL import Image
+from results import Results, minutes_of
 from torch import Tensor
 
 import unproject as up
@@ -131,42 +128,49 @@ def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: 
     """Train and score one arm."""
     views = "known" if form == "known" else "predicted"
     recipe = up.recipes.find("shapes")(data=path_of(folder, form), views=views, seed=seed, minutes=minutes)
-    began = time.monotonic()
-    place = out / "runs" / f"{name}-{form}-{seed}"
-    run = up.resume(place) if place.exists() else up.train(recipe, place, quiet=True)
-    seconds = time.monotonic() - began
+    run, found = trained(recipe, out / "runs" / f"{name}-{form}-{seed}")
+    found |= shapes_quality(run, folder, fixed=form == "known")
+    if form != "known":
+        found |= views_quality(run, recipe, folder, form)
+    up.export.contact_sheet(run.sample(12, seed=1), out / f"{name}-{form}-{seed}.png", size=80)
+    return found
+
+
+def trained(recipe: up.Recipe, place: Path) -> tuple[up.Run, dict[str, Any]]:
+    """Train, or go on with what is there; return the run, its steps and its minutes."""
+    begun = (place / "recipe.json").exists()
+    run = up.resume(place, quiet=True) if begun else up.train(recipe, place, quiet=True)
+    return run, {"steps": run.step, "minutes": minutes_of(run)}
+
+
+def shapes_quality(run: up.Run, folder: Path, fixed: bool) -> dict[str, float]:
+    """Score samples against held-out shapes; `fixed`: they are in the frame of the data."""
     truth = torch.load(folder / "truth.pt")
     train, test = unit_sized(truth["train"]), unit_sized(truth["test"])
     own = shape_scores(train, test, bins=None)
     x = run.sample(len(train), seed=1)
-    bins = None if form == "known" else BINS
-    scores = shape_scores(unit_sized(at_size(x)), test, selection=train[:100], bins=bins)
-    found = {
-        "steps": run.stats()[-1]["step"],
-        "minutes": round(seconds / 60, 1),
+    scores = shape_scores(unit_sized(at_size(x)), test, selection=train[:100], bins=None if fixed else BINS)
+    return {
         "mmd": scores["mmd_iou"].value,
         "mmd_ratio": scores["mmd_iou"].value / own["mmd_iou"].value,
         "cov_ratio": scores["cov_iou"].value / own["cov_iou"].value,
         "in_one_piece": run.domain.checks(x)["in_one_piece"].value,
     }
-    if form != "known":
-        assigned = run.assignments(recipe)[0].estimates()
-        assert assigned is not None
-        shown = torch.tensor([int(Path(name).stem) for name in recipe.panels[0].collections[0].names])
-        exact = view_accuracy(assigned, true_bins(truth["azimuth"])[shown], BINS).exact
-        found |= {"views": exact, "views_of_ceiling": exact / ceiling(folder, form, truth["azimuth"])}
-    up.export.contact_sheet(x[:12], out / f"{name}-{form}-{seed}.png", size=80)
-    return found
+
+
+def views_quality(run: up.Run, recipe: up.Recipe, folder: Path, form: str) -> dict[str, float]:
+    """Score the views that were predicted."""
+    azimuth = torch.load(folder / "truth.pt")["azimuth"]
+    assigned = run.assignments(recipe)[0].estimates()
+    assert assigned is not None
+    shown = torch.tensor([int(Path(name).stem) for name in recipe.panels[0].collections[0].names])
+    exact = view_accuracy(assigned, true_bins(azimuth)[shown], BINS).exact
+    return {"views": exact, "views_of_ceiling": exact / ceiling(folder, form, azimuth)}
 
 
 def at_size(x: Tensor) -> Tensor:
     """Return volumes at the size of the references."""
     return x if x.shape[-1] == SIZE else torch.nn.functional.interpolate(x[:, None], (SIZE,) * 3, mode="area")[:, 0]
-
-
-def origin() -> dict[str, str]:
-    head = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False)
-    return {"commit": head.stdout.strip(), "machine": f"{os.cpu_count()} cores, {platform.processor() or 'x86-64'}"}
 
 
 def table(results: Sequence[dict[str, Any]]) -> str:
@@ -195,22 +199,16 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1))
     given = parser.parse_args()
     torch.set_num_threads(1)
-    log = given.out / "results.jsonl"
-    given.out.mkdir(parents=True, exist_ok=True)
-    results = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
-    done = {(r["class"], r["form"], r["seed"]) for r in results}
+    results = Results(given.out / "results.jsonl", ("class", "form", "seed"))
     for seed in given.seeds:
         for name in given.classes:
             for form in given.forms:
-                if (name, form, seed) in done:
+                if results.has(name, form, seed):
                     continue
                 folder = prepare(name, given.data, given.out)
                 found = run_arm(name, form, seed, given.minutes, folder, given.out)
-                results.append({"class": name, "form": form, "seed": seed, **found, **origin()})
-                with log.open("a") as file:
-                    file.write(json.dumps(results[-1]) + "\n")
-                print(json.dumps(results[-1]), flush=True)
-    print(table(results))
+                results.add({"class": name, "form": form, "seed": seed, **found})
+    print(table(results.rows))
 
 
 if __name__ == "__main__":

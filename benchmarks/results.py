@@ -1,10 +1,61 @@
-"""How results are written into docs/results."""
+"""How results are written: into docs/results, and as a line of JSON an arm, with where they come from."""
 
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import torch
+
+from unproject.training import Run
+from unproject.training.run_directory import environment
 
 
 def write(path: Path, value: object) -> None:
     path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+
+
+def origin() -> dict[str, str]:
+    """Return the commit, the machine and the version of torch."""
+    head = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False)
+    return {
+        "commit": head.stdout.strip(),
+        "machine": f"{os.cpu_count()} cores, {environment()['processor']}",
+        "torch": torch.__version__,
+    }
+
+
+def minutes_of(run: Run) -> float:
+    """Return the minutes of training up to the last line of the log."""
+    return round(max((line["seconds"] for line in run.stats()), default=0.0) / 60, 1)
+
+
+class Results:
+    """Results of arms, a line of JSON each: an arm that is there need not be run again.
+
+    Args:
+        path: results.jsonl; made with the first result.
+        key: the fields that name an arm.
+    """
+
+    def __init__(self, path: Path, key: Sequence[str]) -> None:
+        self.path, self.key = path, tuple(key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.rows: list[dict[str, Any]] = (
+            [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()] if path.exists() else []
+        )
+
+    def has(self, *arm: object) -> bool:
+        return any(tuple(row[name] for name in self.key) == arm for row in self.rows)
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Write a result with its origin, and show it."""
+        self.rows.append({**row, **origin()})
+        line = json.dumps(self.rows[-1])
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+        print(line, flush=True)

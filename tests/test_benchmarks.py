@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
+import torch
 
+import unproject as up
+from unproject.recipes.shapes import shapes
 from unproject.training.recorder import Recorder
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -68,3 +73,105 @@ def test_photographs_of_exchanged_maps_are_compared(named: object, monkeypatch: 
     monkeypatch.setattr(told_apart, "SIZE", 16)
     found = told_apart.told_apart("wood", "flash", None, 8, told_apart.exchanges)
     assert set(found) == {"none", "diffuse", "specular", "roughness", "normal", "all"}
+
+
+def test_results_are_kept_with_their_origin(named: object, tmp_path: Path) -> None:
+    results = named("results").Results  # type: ignore[operator]
+    results(tmp_path / "a" / "results.jsonl", ("class", "seed")).add({"class": "bed", "seed": 0, "mmd": 0.5})
+    again = results(tmp_path / "a" / "results.jsonl", ("class", "seed"))
+    assert again.has("bed", 0) and not again.has("bed", 1)
+    assert again.rows[0]["mmd"] == 0.5 and {"commit", "machine", "torch"} <= set(again.rows[0])
+
+
+def test_parts_of_a_step_are_timed(named: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    step_cost = named("step_cost")  # type: ignore[operator]
+    monkeypatch.setattr(step_cost, "PERIOD", 1)
+    seconds, rounds = step_cost.turns(16, repeats=1, warm=1, count=4)
+    assert set(seconds) == {arm.name for arm in step_cost.ARMS}
+    assert all(column.shape == (1, 1) and column.item() > 0 for column in seconds.values())
+    assert rounds["as it is"] < rounds["information"]  # only the plain Predicted fits a predictor
+
+
+def test_shares_of_a_step_are_taken_within_a_turn(named: object) -> None:
+    step_cost = named("step_cost")  # type: ignore[operator]
+    whole = np.array([[1.0, 3.0], [2.0, 6.0]])
+    table = step_cost.step_table(32, {"as it is": whole, "both": 0.8 * whole}, {"as it is": 0.5, "information": 3.5})
+    assert "| both | 2.400 | 20.0% | 20.0%, 20.0% | at most 10%: MISSED |" in table
+    slow = np.array([[1.0, 1.0], [1.0, 1.0], [9.0, 1.0]])  # other work, in one step
+    assert step_cost.share(slow, np.full((3, 2), 0.9)) == pytest.approx(0.1)
+    assert "spare 10.0% of a run" in table
+    silhouettes = step_cost.silhouette_table({"any": {"ratio": 12.0}, "tilted, any": {"ratio": 2.0}})
+    assert "12.0 times as fast | 15: MISSED" in silhouettes and "2.00 times the time | 3: met" in silhouettes
+
+
+def discs(count: int) -> np.ndarray:
+    """Ellipses of several widths, 32 pixels a side."""
+    y, x = np.mgrid[-1:1:32j, -1:1:32j]  # type: ignore[misc]
+    return np.stack([(x / width) ** 2 + (y / 0.7) ** 2 < 1 for width in np.linspace(0.3, 0.7, count)])
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make `shapes` so small that it trains in a second, whatever the minutes."""
+    less = {"size": 16, "bins": 4, "channels": 8, "rank": 2, "rounds": 1, "batch": 8, "steps": 2}
+    made = {"shapes": lambda **flags: shapes(**{**{k: v for k, v in flags.items() if k != "minutes"}, **less})}
+    monkeypatch.setattr("unproject.recipes.find", made.__getitem__)
+
+
+def test_real_masks_become_folders_and_pictures(named: object, small: None, tmp_path: Path) -> None:
+    (tmp_path / "silhouettes").mkdir()
+    labels = {"label": np.arange(24) % 2, "classnames": np.array(["car side", "chair"])}
+    np.savez(tmp_path / "silhouettes" / "caltech101_28.npz", sil=discs(24), **labels)
+    real_masks, masks = named("real_masks"), named("masks")  # type: ignore[operator]
+    found = masks.SOURCES["car_side"].masks(tmp_path)
+    assert np.array_equal(found, discs(24)[::2])
+    folder = masks.write_folder(found, tmp_path / "data" / "car_side")
+    assert len(list(folder.glob("*.png"))) == 12 and masks.write_folder(found[:1], folder) == folder
+    run = up.train(up.recipes.find("shapes")(data=folder), tmp_path / "run", quiet=True)
+    (tmp_path / "run" / "verdict.json").write_text('{"word": "good", "line": "good: all"}')
+    row = real_masks.result_of(run.path, tmp_path, "car_side")
+    assert {"verdict", "steps", "minutes", "in_one_piece", "distance", "distance_ratio", "views_used"} <= set(row)
+    assert {p.stem for p in tmp_path.glob("*.png")} == {f"car_side-{k}" for k in ("shapes", "pictures", "views")}
+    assert "| car_side | 12 | 2 |" in real_masks.table([{"class": "car_side", "pictures": 12, **row}])
+
+
+def test_real_masks_are_trained_with_default_flags(
+    named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real_masks = named("real_masks")  # type: ignore[operator]
+    called: list[list[str]] = []
+
+    def refuse(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        called.append(command)
+        return subprocess.CompletedProcess(command, 2, "", "unproject: too dark\n")
+
+    monkeypatch.setattr(real_masks.subprocess, "run", refuse)
+    assert real_masks.train(tmp_path / "pictures", tmp_path / "run", 5.0, 1) == "unproject: too dark"
+    data, out = str(tmp_path / "pictures"), str(tmp_path / "run")
+    assert called[0][3:] == ["train", "shapes", "--data", data, "--minutes", "5", "--out", out, "--threads", "1"]
+
+
+def test_minutes_hold_masks_out_and_draw_curves(named: object, small: None, tmp_path: Path) -> None:
+    (tmp_path / "silhouettes").mkdir()
+    np.savez(tmp_path / "silhouettes" / "bird_cub_aves_64.npz", sil=discs(24))
+    minutes = named("minutes")  # type: ignore[operator]
+    found = minutes.birds_arm("predicted", 0, 1.0, tmp_path, tmp_path)
+    assert found["held_out"] == 6 and found["distance_ratio"] > 0 and found["steps"] == 2
+    key = {"class": "birds", "views": "predicted", "seed": 0}
+    rows = [{**key, **found, "budget": 5.0}, {**key, **found, "budget": 10.0, "distance_ratio": 1.5}]
+    assert minutes.qualities(rows)["birds"]["predicted"][10.0] == 1.5
+    assert "1.50 (2)" in minutes.table(rows).splitlines()[-1]
+    assert minutes.curves(minutes.qualities(rows)).size == (minutes.WIDTH, minutes.HEIGHT)
+
+
+def test_minutes_train_on_volumes_and_silhouettes(named: object, small: None, tmp_path: Path) -> None:
+    minutes = named("minutes")  # type: ignore[operator]
+    folder, x = tmp_path / "data" / "chair", up.data.chairs(12, 32)
+    folder.mkdir(parents=True)
+    torch.save({"azimuth": torch.linspace(0, 6, 24), "train": x[:8], "test": x[8:]}, folder / "truth.pt")
+    np.savez(folder / "plain.npz", sil=discs(24))
+    (folder / "ceiling-plain.json").write_text("0.5")  # else a predictor is trained for it
+    direct, predicted = (minutes.chairs_arm(v, 0, 1.0, tmp_path, tmp_path) for v in ("direct", "predicted"))
+    assert direct["steps"] == 2 and direct["mmd_ratio"] > 0 and "views" not in direct
+    assert predicted["views_of_ceiling"] == predicted["views"] / 0.5
+    assert minutes.chairs_arm("direct", 0, 1.0, tmp_path, tmp_path) == direct  # the run that is there
