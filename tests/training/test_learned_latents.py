@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from toy import jointly, toy, with_panel
 from unproject.assignment import LearnedLatent
 from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
-from unproject.training import Recipe, load, resume, train
+from unproject.training import Recipe, Tries, load, resume, train
 from unproject.training.start import start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
@@ -58,6 +59,19 @@ def test_a_killed_run_resumes_bit_for_bit(tmp_path: Path, monkeypatch: pytest.Mo
             train(recipe, tmp_path / "killed", quiet=True)
     assert resume(tmp_path / "killed", recipe, quiet=True).step == 6
     assert differences(whole, tmp_path / "killed") == []
+
+
+def test_tries_begin_with_other_distributions(tmp_path: Path) -> None:
+    """The one that goes on keeps its own, after a resume too."""
+    latent = replace(ELEVATION, others=((-0.3, 0.05),), rate=1e-6)
+    tries = Tries(3, 0.25, least_steps=1)
+    recipe = with_panel(toy(steps=8, starts=(0.05, 0.3, 0.55)), learned=(latent,)).replace(tries=tries)
+    run = train(recipe, tmp_path / "run", quiet=True)
+    lines = stats(run.path)
+    tried = {line["number"]: line["step"] for line in lines if line.get("event") == "tried"}
+    seen = [line["elevation"] for line in lines if "elevation" in line and line["step"] <= tried[2]]
+    assert seen == [[0.2, 0.1], [-0.3, 0.05], [0.2, 0.1]]
+    assert resume(run.path, recipe, steps=10, quiet=True).step == 10
 
 
 def test_another_run_gives_what_it_learned(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ class LearnedLatent:
         mean, spread: m and s at the start.
         low, high: limits of θ.
         fixed_mean: learn s alone.
+        others: (m, s) at the start of further tries of a run (`Tries`), in turn.
         rate: Adam's learning rate of log s, and of m in units of `spread`, β = (0.5, 0.99).
 
     Raises:
@@ -46,22 +47,31 @@ class LearnedLatent:
     low: float = -math.inf
     high: float = math.inf
     fixed_mean: bool = False
+    others: tuple[tuple[float, float], ...] = ()
     rate: float = 0.01
 
     def __post_init__(self) -> None:
-        if not (self.spread > 0 and self.rate > 0 and self.low <= self.mean <= self.high and self.name.isidentifier()):
+        sensible = all(spread > 0 and self.low <= mean <= self.high for mean, spread in self.starts)
+        if not (sensible and self.rate > 0 and self.name.isidentifier()):
             raise UserError(f"{self}: give a name, a positive spread and rate, and a mean between low and high")
+
+    @property
+    def starts(self) -> tuple[tuple[float, float], ...]:
+        """(m, s) at the start of each try; they are used in turn."""
+        return ((self.mean, self.spread), *self.others)
 
 
 class LearnedLatents(nn.Module):
     """The latents of one panel; the checkpoint holds `NAME.mean` and `NAME.log_spread` of each."""
 
-    def __init__(self, settings: Sequence[LearnedLatent]) -> None:
+    def __init__(self, settings: Sequence[LearnedLatent], number: int = 0) -> None:
+        """Begin the try of this number."""
         super().__init__()
         self.settings = tuple(settings)
         groups = []
         for one in self.settings:
-            own = nn.ParameterDict({"mean": torch.tensor(one.mean), "log_spread": torch.tensor(math.log(one.spread))})
+            mean, spread = one.starts[number % len(one.starts)]
+            own = nn.ParameterDict({"mean": torch.tensor(mean), "log_spread": torch.tensor(math.log(spread))})
             self.add_module(one.name, own)
             groups.append({"params": [own["log_spread"]], "lr": one.rate})
             if one.fixed_mean:
