@@ -102,6 +102,45 @@ def perspective_rays(
     return torch.einsum("hwsk,bkj->bhwsj", points, frame)
 
 
+def pinhole_rays(
+    frame: Tensor, size: int, viewport: float | Tensor, perspective: Tensor | float = 0.0
+) -> tuple[Tensor, Tensor]:
+    """Return rays p = o + w c of a pinhole for each element, o = v (i r + j u) and c = d - o / distance.
+
+    They are those of `perspective_rays`, at 0 of `orthographic_rays`; |c| is the ratio of length to depth.
+
+    Args:
+        frame: (B, 3, 3) with rows r, u, d (`rotation.camera_frame`).
+        size: pixels a side.
+        viewport: v, half the visible width of the plane through the centre, one for all or (B,).
+        perspective: (B,), one over the distance of the pinhole from the centre.
+
+    Returns:
+        o and c, (B, size, size, 3) each.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> frame, distance = up.ops.camera_frame(torch.zeros(2)), torch.tensor([4.0, 8.0])
+        >>> points = up.ops.ray_points(*up.ops.pinhole_rays(frame, 8, 1.0, 1 / distance), samples=12, half_depth=1.5)
+        >>> torch.allclose(points[1], up.ops.perspective_rays(frame, 8, 1.0, 12, 1.5, 8.0)[1], atol=1e-6)
+        True
+    """
+    right, up, towards = (row[:, None, None] for row in frame.unbind(1))
+    pixel = centres(size, frame)
+    origin = _per_ray(viewport) * (pixel[:, None] * right - pixel[:, None, None] * up)
+    return origin, towards - _per_ray(perspective) * origin
+
+
+def ray_points(origin: Tensor, direction: Tensor, samples: int, half_depth: float) -> Tensor:
+    """Return o + w c, (B, ..., samples, 3), for w at the centres of equal cells of ±half_depth, nearest first."""
+    w = -half_depth * centres(samples, origin)[:, None]
+    return origin.unsqueeze(-2) + w * direction.unsqueeze(-2)
+
+
+def _per_ray(value: float | Tensor) -> float | Tensor:
+    return value[:, None, None, None] if isinstance(value, Tensor) else value
+
+
 def perspective_slant(like: Tensor, size: int, viewport: float, distance: float) -> Tensor:
     """Return the ratio (size, size) of length along each pinhole ray to depth."""
     slope = (viewport / distance * centres(size, like)).square()
