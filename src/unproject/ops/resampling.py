@@ -6,6 +6,7 @@ Rays are in picture order: (B, row, column, sample, 3), row 0 the top, samples f
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -103,7 +104,12 @@ def perspective_rays(
 
 
 def pinhole_rays(
-    frame: Tensor, size: int, viewport: float | Tensor, perspective: Tensor | float = 0.0
+    frame: Tensor,
+    size: int,
+    viewport: float | Tensor,
+    perspective: Tensor,
+    right: float | Tensor = 0.0,
+    up: float | Tensor = 0.0,
 ) -> tuple[Tensor, Tensor]:
     """Return rays p = o + w c of a pinhole for each element, o = v (i r + j u) and c = d - o / distance.
 
@@ -114,6 +120,7 @@ def pinhole_rays(
         size: pixels a side.
         viewport: v, half the visible width of the plane through the centre, one for all or (B,).
         perspective: (B,), one over the distance of the pinhole from the centre.
+        right, up: where the middle of the pixels is, one for all or (B,).
 
     Returns:
         o and c, (B, size, size, 3) each.
@@ -125,10 +132,10 @@ def pinhole_rays(
         >>> torch.allclose(points[1], up.ops.perspective_rays(frame, 8, 1.0, 12, 1.5, 8.0)[1], atol=1e-6)
         True
     """
-    right, up, towards = (row[:, None, None] for row in frame.unbind(1))
-    pixel = centres(size, frame)
-    origin = _per_ray(viewport) * (pixel[:, None] * right - pixel[:, None, None] * up)
-    return origin, towards - _per_ray(perspective) * origin
+    r, u, d = (row[:, None, None] for row in frame.unbind(1))
+    i, v = centres(size, frame)[:, None], _per_ray(viewport)
+    origin = (v * i + _per_ray(right)) * r + (_per_ray(up) - v * i[:, None]) * u
+    return origin, d - _per_ray(perspective) * origin
 
 
 def ray_points(origin: Tensor, direction: Tensor, samples: int, half_depth: float) -> Tensor:
@@ -137,7 +144,7 @@ def ray_points(origin: Tensor, direction: Tensor, samples: int, half_depth: floa
     return origin.unsqueeze(-2) + w * direction.unsqueeze(-2)
 
 
-def _per_ray(value: float | Tensor) -> float | Tensor:
+def _per_ray(value: float | Tensor) -> Any:
     return value[:, None, None, None] if isinstance(value, Tensor) else value
 
 
