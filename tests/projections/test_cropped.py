@@ -6,6 +6,7 @@ import math
 
 import pytest
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from unproject._random import generator_at
@@ -134,30 +135,33 @@ def test_in_perspective_it_is_the_large_picture_framed(rule: str) -> None:
 def test_the_level_view_along_z_is_the_one_from_the_front(rule: str, size: int) -> None:
     x, silhouette = chair(8), Silhouette(size=size, rule=rule, viewport=SIDE / size, density=2.0)  # type: ignore[arg-type]
     front, level = silhouette.front(x), silhouette(x, azimuth=torch.zeros(8))
-    rows = level.amax(3)
-    assert (front.amax(3) - rows).abs().max() < (1e-5 if size == SIDE else 0.5)
-    tall = bounding_box(front).height
-    assert (tall - bounding_box(level).height).abs().max() < (1e-4 if size == SIDE else 0.7)
-    turned = bounding_box(silhouette(x, azimuth=torch.arange(8.0))).height
+    tall, turned = bounding_box(front).height, bounding_box(silhouette(x, azimuth=torch.arange(8.0))).height
+    if size == SIDE:
+        torch.testing.assert_close(front, level, atol=1e-5, rtol=0)
+    # Fewer columns than voxels may miss the highest part of an object.
+    assert (tall - bounding_box(level).height).abs().median() < (1e-4 if size == SIDE else 0.1)
     assert rule == "alpha" or (tall - turned).abs().mean() < 0.15
 
 
-@pytest.mark.parametrize("name, value", [("elevation", 0.3), ("perspective", 0.2), ("roll", 0.2)])
-def test_gradients_by_latents_know_of_the_frame(name: str, value: float) -> None:
-    """Against differences over a step of which the pictures are nearly linear."""
-    x, look = chair(12).double(), Cropped(Silhouette(size=SIDE, rule="absorption", density=2.0))
-    theta = {n: torch.full((12,), v).double() for n, v in {"elevation": 0.2, "perspective": 0.1, "roll": 0.1}.items()}
-    weight = torch.rand(12, 1, 4, 4, generator=generator_at(0)).double()
-    weight = torch.nn.functional.interpolate(weight, size=SIDE, mode="bilinear")
+TILTED, ROLLED = {"elevation": 0.2}, {"elevation": 0.2, "perspective": 0.22, "roll": 0.1}
+
+
+@pytest.mark.parametrize(
+    "name, camera", [("elevation", TILTED), ("elevation", ROLLED), ("perspective", ROLLED), ("roll", ROLLED)]
+)
+def test_gradients_by_latents_know_of_the_frame(name: str, camera: dict[str, float]) -> None:
+    """A frame that is taken for constant would give gradients of the wrong sign."""
+    count = 16
+    x, look = chair(count).double(), Cropped(Silhouette(size=SIDE, rule="absorption", density=2.0))
+    theta = {key: torch.full((count,), value).double() for key, value in camera.items()}
+    weight = F.interpolate(torch.rand(count, 1, 4, 4, generator=generator_at(0)).double(), size=SIDE, mode="bilinear")
 
     def loss(at: Tensor) -> Tensor:
-        return (look(x, azimuth=torch.arange(12.0), **theta | {name: at}) * weight).sum((1, 2, 3))
+        return (look(x, azimuth=0.3 + torch.arange(count), **theta | {name: at}) * weight).sum((1, 2, 3))
 
-    leaf = torch.full((12,), value).double().requires_grad_()
-    (slope,) = torch.autograd.grad(loss(leaf).sum(), leaf)
-    rise = (loss(leaf.detach() + 0.02) - loss(leaf.detach() - 0.02)) / 0.04
-    assert torch.nn.functional.cosine_similarity(slope, rise, 0) > 0.9
-    assert 0.7 < slope.norm() / rise.norm() < 1.4
+    (slope,) = torch.autograd.grad(loss(leaf := theta[name].clone().requires_grad_()).sum(), leaf)
+    rise = (loss(theta[name] + 0.005) - loss(theta[name] - 0.005)) / 0.01
+    assert F.cosine_similarity(slope, rise, 0) > 0.9 and 0.8 < slope.norm() / rise.norm() < 1.25
 
 
 @pytest.mark.parametrize("prior", [LEVEL, ANYWHERE, PHOTOGRAPHER], ids=["level", "anywhere", "photographer"])

@@ -7,7 +7,7 @@ then they are projections of objects of this height, in the middle of the pictur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -18,8 +18,8 @@ from .base import Projection
 from .silhouette import Silhouette, Window
 from .view import View, either, varies
 
-MARGIN = 1.25
-"""How much wider the picture is in which an object in perspective is looked for: its near parts look larger."""
+MARGIN, STEP = 1.25, 0.15
+"""How much wider the picture is in which an object in perspective is looked for, and steps of perspective there."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,15 @@ class Cropped(Projection):
     def _in_perspective(self, x: Tensor, view: View) -> Tensor:
         """Aim at the object by its box in a wide picture, so that none is cut off and nothing is resampled."""
         size = self.silhouette.size or 1
-        wide = MARGIN * self.silhouette.viewport * (1 + view.perspective.detach())
+        fine = 3 * size // 2  # these pixels are about as wide as those of the result
+        finder = replace(self.silhouette, size=fine)
+        # In steps, so that between them pixels of the wide picture stay where they are, and the box is smooth.
+        wide = MARGIN * self.silhouette.viewport * (1 + (view.perspective.detach() / STEP).ceil() * STEP)
         with torch.set_grad_enabled(view.learned()):
-            box = bounding_box(self.silhouette.seen(x.detach(), view, Window(wide)), differentiable=True)
-            row, column = (place * 2 / size - 1 for place in box.centre)
-            window = Window(wide * box.height / self._level_height(x), wide * column, -wide * row)
+            box = bounding_box(finder.seen(x.detach(), view, Window(wide)), differentiable=True)
+            row, column = (place * 2 / fine - 1 for place in box.centre)
+            ratio = box.height / fine * size / self._level_height(x)
+            window = Window(wide * ratio, wide * column, -wide * row)
         return self.silhouette.seen(x, view, window)
 
     def _box(self, x: Tensor, view: View, silhouettes: Tensor) -> Box:
