@@ -158,7 +158,8 @@ class Silhouette(Projection):
         All level views of an object are equally high.
         """
         x = x if x.dtype == torch.float64 else x.float()
-        p = resample_heights(x, self._sampling(x)[0], self.viewport).transpose(1, 2).flip(1)
+        with torch.autocast(x.device.type, enabled=False):
+            p = resample_heights(x, self._sampling(x)[0], self.viewport).transpose(1, 2).flip(1)
         if self.rule == "absorption":
             return absorption(p, 3, self.density * max(x.shape[1:]) / x.shape[3]).unsqueeze(1)
         return _RULE[self.rule](p.flip(3), 3).unsqueeze(1)
