@@ -2,8 +2,8 @@
 
 The released algorithm written plainly: 96 trilinear samples a ray by 3-D `grid_sample`, then the occupancy rule.
 The two take turns in one run on one thread, timed in CPU seconds, so that other work on the machine slows both
-alike; the figure is the ratio of the medians. Tilted views, each with an elevation of its own, and photographs, each with
-a perspective and a roll too, are measured against level ones likewise.
+alike; the figure is the ratio of the medians. Tilted views, each with an elevation of its own, and photographs, with a
+perspective and a roll too, are measured against level ones likewise.
 """
 
 from __future__ import annotations

@@ -137,7 +137,9 @@ def test_the_level_view_along_z_is_the_one_from_the_front(rule: str, size: int) 
     front, level = silhouette.front(x), silhouette(x, azimuth=torch.zeros(8))
     tall, turned = bounding_box(front).height, bounding_box(silhouette(x, azimuth=torch.arange(8.0))).height
     if size == SIDE:
-        torch.testing.assert_close(front, level, atol=1e-5, rtol=0)
+        cloud = torch.rand(2, SIDE, SIDE, SIDE, generator=generator_at(0)) ** 3
+        azimuth = torch.zeros(2)
+        torch.testing.assert_close(silhouette.front(cloud), silhouette(cloud, azimuth=azimuth), atol=1e-5, rtol=0)
     # Fewer columns than voxels may miss the highest part of an object.
     assert (tall - bounding_box(level).height).abs().median() < (1e-4 if size == SIDE else 0.1)
     assert rule == "alpha" or (tall - turned).abs().mean() < 0.15
