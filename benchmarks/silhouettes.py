@@ -2,8 +2,8 @@
 
 The released algorithm written plainly: 96 trilinear samples a ray by 3-D `grid_sample`, then the occupancy rule.
 The two take turns in one run on one thread, timed in CPU seconds, so that other work on the machine slows both
-alike; the figure is the ratio of the medians. Tilted views, each with an elevation of its own, are measured against
-level ones likewise.
+alike; the figure is the ratio of the medians. Tilted views, each with an elevation of its own, and photographs, with a
+perspective and a roll too, are measured against level ones likewise.
 """
 
 from __future__ import annotations
@@ -42,16 +42,18 @@ def released(x: Tensor, azimuth: Tensor, rule: str) -> Tensor:
 def run() -> dict[str, dict[str, float]]:
     """rule → CPU seconds of both (medians), their ratio, and the largest difference of values and of gradients.
 
-    "tilted, …" → CPU seconds of level and tilted views, and the ratio of tilted to level.
+    "tilted, …" and "photographs, absorption" → CPU seconds of level and these views, and the ratio of these to level.
     """
     x = (torch.rand(BATCH, SIZE, SIZE, SIZE, generator=generator_at(0)) ** 8).contiguous()
     azimuth = torch.rand(BATCH, generator=generator_at(1)) * 2 * math.pi
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return {rule: compare(x, azimuth, rule) for rule in RULES} | {
-            f"tilted, {rule}": compare_tilted(x, azimuth, rule) for rule in RULES
-        }
+        return (
+            {rule: compare(x, azimuth, rule) for rule in RULES}
+            | {f"tilted, {rule}": compare_tilted(x, azimuth, rule) for rule in RULES}
+            | {"photographs, absorption": compare_tilted(x, azimuth, "absorption", in_perspective=True)}
+        )
     finally:
         torch.set_num_threads(threads)
 
@@ -73,11 +75,12 @@ def compare(x: Tensor, azimuth: Tensor, rule: str) -> dict[str, float]:
     }
 
 
-def compare_tilted(x: Tensor, azimuth: Tensor, rule: str) -> dict[str, float]:
-    elevation = (torch.rand(len(x), generator=generator_at(2)) - 0.5) * math.pi
+def compare_tilted(x: Tensor, azimuth: Tensor, rule: str, in_perspective: bool = False) -> dict[str, float]:
+    elevation, perspective, roll = (torch.rand(3, len(x), generator=generator_at(2)) - 0.5) * math.pi
+    photograph = {"perspective": (perspective / math.pi + 0.5) * 0.45, "roll": roll / 5} if in_perspective else {}
     looks: tuple[Callable[[Tensor], Tensor], ...] = (
         lambda v: Silhouette(rule=rule)(v, azimuth=azimuth),
-        lambda v: Silhouette(rule=rule)(v, azimuth=azimuth, elevation=elevation),
+        lambda v: Silhouette(rule=rule)(v, azimuth=azimuth, elevation=elevation, **photograph),
     )
     times = [[step(look, x)[0] for look in looks] for _ in range(REPEATS + 1)]
     level, tilted = (statistics.median(column) for column in zip(*times[1:]))

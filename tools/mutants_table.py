@@ -607,9 +607,9 @@ PROJECTIONS = (
     ),
     mutant(
         "silhouette: an elevation that is learned from 0 gets no gradient",
-        "projections/silhouette.py",
-        "if not elevation.requires_grad and not bool(elevation.any()):",
-        "if not bool(elevation.any()):",
+        "projections/view.py",
+        "return latent.requires_grad or bool(latent.any())",
+        "return bool(latent.any())",
         "projections/test_silhouette.py",
     ),
     mutant(
@@ -1979,6 +1979,142 @@ VERDICTS = (
     ),
 )
 
+PHOTOGRAPHS = (
+    mutant(
+        "photographs: a roll turns the picture clockwise",
+        "ops/rotation.py",
+        "(right * c - up * s, right * s + up * c, towards)",
+        "(right * c + up * s, up * c - right * s, towards)",
+        "projections/test_perspective.py::test_a_small_roll_turns_the_picture",
+    ),
+    mutant(
+        "photographs: what is nearer looks smaller",
+        "ops/resampling.py",
+        "d - _per_ray(perspective) * origin",
+        "d + _per_ray(perspective) * origin",
+        "projections/test_perspective.py::test_nearer_parts_look_larger",
+    ),
+    mutant(
+        "photographs: an upright pinhole is a far one",
+        "projections/view.py",
+        "return (self.perspective == 0) & (self.roll == 0)",
+        "return self.roll == 0",
+        "projections/test_perspective.py::test_nearer_parts_look_larger",
+    ),
+    mutant(
+        "photographs: a slanting ray counts depth for length",
+        "projections/silhouette.py",
+        "self._density(x) * direction.norm(dim=-1)).unsqueeze(1)",
+        "self._density(x)).unsqueeze(1)",
+        "projections/test_perspective.py::test_the_fast_path_is_the_reference_in_values_and_gradients",
+    ),
+    mutant(
+        "photographs: pictures of a mixed batch change places",
+        "projections/view.py",
+        "return torch.cat(parts)[torch.cat((these, others)).argsort()]",
+        "return torch.cat(parts)",
+        "projections/test_perspective.py::test_zeros_are_none_bit_for_bit_and_other_pictures_do_not_matter",
+    ),
+    mutant(
+        "photographs: a perspective that is learned from 0 gets no gradient",
+        "projections/view.py",
+        "if self.perspective.requires_grad or self.roll.requires_grad:",
+        "if self.roll.requires_grad:",
+        "projections/test_perspective.py::test_gradients_by_each_latent",
+    ),
+    mutant(
+        "photographs: a pinhole inside the object is taken",
+        "projections/silhouette.py",
+        "(view.perspective <= NEAREST)",
+        "(view.perspective <= 1)",
+        "projections/test_perspective.py::test_bad_latents_say_what_is_wanted",
+    ),
+    mutant(
+        "photographs: the fixed pinhole ignores a perspective",
+        "projections/silhouette.py",
+        'self.camera == "perspective" and varies(view.perspective)',
+        "False",
+        "projections/test_perspective.py::test_the_fixed_pinhole_rolls_but_stays",
+    ),
+    mutant(
+        "photographs: a prior may draw what no camera takes",
+        "projections/observation.py",
+        "if not wanted <= drawn <= wanted.union(optional):",
+        "if not wanted <= drawn:",
+        "projections/test_perspective.py::test_a_prior_may_leave_them_out_but_draw_nothing_else",
+    ),
+    mutant(
+        "straight rays: half of the outermost cell is left out",
+        "ops/straight_rays.cpp",
+        "end = T(size[i] + 1);",
+        "end = T(size[i]) + T(0.5);",
+        "ops/test_straight_rays.py",
+    ),
+    mutant(
+        "straight rays: the slope by a direction forgets the depth",
+        "ops/straight_rays.cpp",
+        "T(samples - 1 - 2 * k)",
+        "T(samples - 1 - k)",
+        "ops/test_straight_rays.py",
+    ),
+    mutant(
+        "straight rays: a ray that has broken down is empty",
+        "ops/straight_rays.cpp",
+        "ray.sound ? sum(volume, ray) : T(NAN)",
+        "sum(volume, ray)",
+        "ops/test_straight_rays.py",
+    ),
+    mutant(
+        "straight rays: the last part of a batch is left out",
+        "ops/straight_rays.py",
+        "starts = range(0, shape[0], few)",
+        "starts = range(0, shape[0] - few + 1, few)",
+        "ops/test_straight_rays.py",
+    ),
+    mutant(
+        "straight rays: a gradient in rays is that of another",
+        "ops/straight_rays.py",
+        "volume, sums = (gradient, values) if ctx.back else (values, gradient)",
+        "volume, sums = (values, gradient) if ctx.back else (gradient, values)",
+        "ops/test_straight_rays.py",
+    ),
+    mutant(
+        "cropped: frames are constant for latents",
+        "projections/view.py",
+        "return torch.is_grad_enabled() and any(latent.requires_grad for latent in self)",
+        "return False",
+        "projections/test_cropped.py::test_gradients_by_latents_know_of_the_frame",
+    ),
+    mutant(
+        "cropped: near parts are cut off",
+        "projections/cropped.py",
+        "MARGIN, STEP = 1.25, 0.15",
+        "MARGIN, STEP = 0.7, 0.15",
+        "projections/test_cropped.py::test_in_perspective_it_is_the_large_picture_framed",
+    ),
+    mutant(
+        "cropped: the camera is aimed at the other side",
+        "projections/cropped.py",
+        "wide * column, -wide * row)",
+        "-wide * column, -wide * row)",
+        "projections/test_cropped.py::test_place_does_not_matter",
+    ),
+    mutant(
+        "cropped: the camera is aimed below what is above",
+        "ops/resampling.py",
+        "(_per_ray(up) - v * i[:, None])",
+        "(-_per_ray(up) - v * i[:, None])",
+        "projections/test_cropped.py::test_in_perspective_it_is_the_large_picture_framed",
+    ),
+    mutant(
+        "cropped: the front view begins at the back",
+        "projections/silhouette.py",
+        "_RULE[self.rule](p.flip(3), 3)",
+        "_RULE[self.rule](p, 3)",
+        "projections/test_cropped.py::test_the_level_view_along_z_is_the_one_from_the_front",
+    ),
+)
+
 ANY_CLASS = (
     mutant(
         "framing: the box begins at a quarter of the maximum",
@@ -2004,8 +2140,8 @@ ANY_CLASS = (
     mutant(
         "cropped: tilted views are scaled the other way",
         "projections/cropped.py",
-        "box.height / level.height",
-        "level.height / box.height",
+        "box.height / self._level_height(x)",
+        "self._level_height(x) / box.height",
         "projections/test_cropped.py",
     ),
     mutant(
@@ -2155,6 +2291,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *ASSIGNMENTS,
     *TRAINING,
     *VERDICTS,
+    *PHOTOGRAPHS,
     *ANY_CLASS,
     *CHOICES,
 )

@@ -6,22 +6,25 @@ import math
 
 import pytest
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.data import birds
-from unproject.ops import bounding_box, rotate_y
+from unproject.data import birds, chairs
+from unproject.ops import bounding_box, framed, rotate_y
 from unproject.ops.resampling import centres
 from unproject.projections.cropped import Cropped
 from unproject.projections.observation import Observation
 from unproject.projections.priors import Product, Uniform
 from unproject.projections.silhouette import Silhouette, Window
+from unproject.projections.view import View
 from unproject.testing import run_laws
 
 SIDE = 32
 LEVEL = Product(Uniform("azimuth", 0, 6.28), Uniform("elevation", 0, 0))
 ANYWHERE = Product(Uniform("azimuth", 0, 6.28), Uniform("elevation", -1.5, 1.5))
+PHOTOGRAPHER = Product(ANYWHERE, Uniform("perspective", 0.05, 0.45), Uniform("roll", -1, 1))
 
 
 def ball(radius: float, *centre: float) -> Tensor:
@@ -30,15 +33,23 @@ def ball(radius: float, *centre: float) -> Tensor:
     return ((radius - distance) * SIDE / 2 + 0.5).clamp(0, 1)
 
 
+def level(azimuth: Tensor) -> View:
+    return View(azimuth, *[torch.zeros_like(azimuth)] * 3)
+
+
 PLACES = [(0.0, 0.0), (0.3, 0.1), (-0.25, 0.3), (0.1, -0.35)]
 
 
+@pytest.mark.parametrize(
+    "camera", [{}, {"perspective": 0.3}, {"roll": 0.7}, {"perspective": 0.2, "roll": -1.0}], ids=str
+)
 @pytest.mark.parametrize("elevation", [0.0, 0.5, -1.0])
-def test_place_does_not_matter(elevation: float) -> None:
+def test_place_does_not_matter(elevation: float, camera: dict[str, float]) -> None:
     """A ball of the height that pictures are framed to gives the same disc from everywhere, wherever it is."""
     look = Cropped(Silhouette(size=SIDE, rule="absorption", density=4.0), height=0.5)
     volumes = torch.stack([ball(0.5, x, 0.0, z) for x, z in PLACES])
-    y = look(volumes, azimuth=torch.tensor([0.0, 0.7, 2.0, 4.0]), elevation=torch.full((4,), elevation))
+    theta = {name: torch.full((4,), value) for name, value in (camera | {"elevation": elevation}).items()}
+    y = look(volumes, azimuth=torch.tensor([0.0, 0.7, 2.0, 4.0]), **theta)
     assert (y - y[:1]).abs().flatten(1).mean(1).max() < 0.03
     assert y.mean((1, 2, 3)).tolist() == pytest.approx([math.pi / 16] * 4, abs=0.035)  # rims are soft
 
@@ -71,7 +82,7 @@ def test_a_window_sees_a_part_of_the_picture(rule: str) -> None:
     """The pixels of a window that lie on those of the whole picture have the same values."""
     x, azimuth = birds(3, SIDE, seed=1), torch.tensor([0.0, 1.0, 4.0])
     window = Window(torch.full((3,), 0.5), torch.tensor([0.0, 3.0, -8.0]) / 16, torch.tensor([8.0, -2.0, 0.0]) / 16)
-    part = Silhouette(size=16, rule=rule).seen(x, azimuth, None, window)  # type: ignore[arg-type]
+    part = Silhouette(size=16, rule=rule).seen(x, level(azimuth), window)  # type: ignore[arg-type]
     whole = Silhouette(size=32, rule=rule)(x, azimuth=azimuth)  # type: ignore[arg-type]
     for k, (row, column) in enumerate([(0, 8), (10, 11), (8, 0)]):
         torch.testing.assert_close(part[k], whole[k, :, row : row + 16, column : column + 16], atol=1e-5, rtol=0)
@@ -83,7 +94,9 @@ def test_gradients_through_a_window(rule: str) -> None:
     x = torch.rand(3, 5, 5, 5, dtype=torch.float64, generator=generator_at(0)).requires_grad_()
     places = ([0.5, 0.8, 1.2], [0.1, -0.2, 0.0], [0.05, 0.1, -0.3])
     window = Window(*(torch.tensor(place, dtype=torch.float64) for place in places))
-    assert torch.autograd.gradcheck(lambda v: silhouette.seen(v, torch.tensor([0.3, 2.0, 4.0]), None, window), (x,))
+    assert torch.autograd.gradcheck(
+        lambda v: silhouette.seen(v, level(torch.tensor([0.3, 2.0, 4.0]).double()), window), (x,)
+    )
 
 
 def test_the_middle_is_that_of_the_view() -> None:
@@ -96,7 +109,64 @@ def test_the_middle_is_that_of_the_view() -> None:
     assert rotate_y(x, torch.zeros(2)).shape == x.shape
 
 
-@pytest.mark.parametrize("prior", [LEVEL, ANYWHERE], ids=["level", "anywhere"])
+def chair(count: int) -> Tensor:
+    """Objects that fill most of the frame, so that in perspective their near parts would lie outside."""
+    return chairs(count, SIDE).float()
+
+
+@pytest.mark.parametrize("rule", ["any", "absorption"])
+def test_in_perspective_it_is_the_large_picture_framed(rule: str) -> None:
+    """As high as the level view and in the middle, and as if it had been cut out of a picture that shows all of it."""
+    x = chair(6)
+    theta = {"azimuth": torch.arange(6.0), "elevation": torch.full((6,), 0.3), "perspective": torch.full((6,), 0.35)}
+    theta |= {"roll": torch.linspace(-0.3, 0.3, 6)}
+    y = Cropped(Silhouette(size=SIDE, rule=rule, density=4.0))(x, **theta)  # type: ignore[arg-type]
+    level = bounding_box(Silhouette(rule=rule, density=4.0)(x, azimuth=theta["azimuth"])).height  # type: ignore[arg-type]
+    box, middle = bounding_box(y), SIDE / 2
+    assert (box.height - level).abs().max() < 0.7
+    assert max((place - middle).abs().max() for place in box.centre) < 0.5
+    large = Silhouette(size=4 * SIDE, rule=rule, density=4.0, viewport=2.0)(x, **theta)  # type: ignore[arg-type]
+    for k in range(6):
+        assert (framed(large[k : k + 1], SIDE, float(level[k]) / SIDE, 1.0) - y[k]).abs().mean() < 0.03
+
+
+@pytest.mark.parametrize("size", [SIDE, 20])
+@pytest.mark.parametrize("rule", ["any", "alpha", "absorption"])
+def test_the_level_view_along_z_is_the_one_from_the_front(rule: str, size: int) -> None:
+    x, silhouette = chair(8), Silhouette(size=size, rule=rule, viewport=SIDE / size, density=2.0)  # type: ignore[arg-type]
+    front, level = silhouette.front(x), silhouette(x, azimuth=torch.zeros(8))
+    tall, turned = bounding_box(front).height, bounding_box(silhouette(x, azimuth=torch.arange(8.0))).height
+    if size == SIDE:
+        cloud = torch.rand(2, SIDE, SIDE, SIDE, generator=generator_at(0)) ** 3
+        azimuth = torch.zeros(2)
+        torch.testing.assert_close(silhouette.front(cloud), silhouette(cloud, azimuth=azimuth), atol=1e-5, rtol=0)
+    # Fewer columns than voxels may miss the highest part of an object.
+    assert (tall - bounding_box(level).height).abs().median() < (1e-4 if size == SIDE else 0.1)
+    assert rule == "alpha" or (tall - turned).abs().mean() < 0.15
+
+
+TILTED, ROLLED = {"elevation": 0.2}, {"elevation": 0.2, "perspective": 0.22, "roll": 0.1}
+
+
+@pytest.mark.parametrize(
+    "name, camera", [("elevation", TILTED), ("elevation", ROLLED), ("perspective", ROLLED), ("roll", ROLLED)]
+)
+def test_gradients_by_latents_know_of_the_frame(name: str, camera: dict[str, float]) -> None:
+    """A frame that is taken for constant would give gradients of the wrong sign."""
+    count = 16
+    x, look = chair(count).double(), Cropped(Silhouette(size=SIDE, rule="absorption", density=2.0))
+    theta = {key: torch.full((count,), value).double() for key, value in camera.items()}
+    weight = F.interpolate(torch.rand(count, 1, 4, 4, generator=generator_at(0)).double(), size=SIDE, mode="bilinear")
+
+    def loss(at: Tensor) -> Tensor:
+        return (look(x, azimuth=0.3 + torch.arange(count), **theta | {name: at}) * weight).sum((1, 2, 3))
+
+    (slope,) = torch.autograd.grad(loss(leaf := theta[name].clone().requires_grad_()).sum(), leaf)
+    rise = (loss(theta[name] + 0.005) - loss(theta[name] - 0.005)) / 0.01
+    assert F.cosine_similarity(slope, rise, 0) > 0.9 and 0.8 < slope.norm() / rise.norm() < 1.25
+
+
+@pytest.mark.parametrize("prior", [LEVEL, ANYWHERE, PHOTOGRAPHER], ids=["level", "anywhere", "photographer"])
 @pytest.mark.parametrize("rule", ["any", "absorption"])
 def test_all_laws_hold_but_that_of_the_gradient(rule: str, prior: Product) -> None:
     """Where the object is in the picture is a constant for gradients."""

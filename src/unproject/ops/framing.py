@@ -6,8 +6,8 @@
    centred; aspect is kept. With one number for both it is the rule by which `data.frame` crops pictures of a folder.
 3. Resampling. Each pixel of the result is the share of its area that is covered; outside the picture is 0.
 
-The box is a constant for gradients: its edges depend on a few pixels only, which would have the gradient of the whole
-picture.
+The box is a constant for gradients, unless these are asked for: its edges depend on a few pixels only, which would have
+the gradient of the whole picture.
 """
 
 from __future__ import annotations
@@ -52,9 +52,8 @@ class Box(NamedTuple):
         return (self.top + self.bottom) / 2, (self.left + self.right) / 2
 
 
-@torch.no_grad()
-def bounding_box(silhouettes: Tensor) -> Box:
-    """Return the boxes of silhouettes (B, 1, H, W); of an empty one the whole picture.
+def bounding_box(silhouettes: Tensor, differentiable: bool = False) -> Box:
+    """Return the boxes of silhouettes (B, 1, H, W); of an empty one the whole picture; without gradient, or with it.
 
     Examples:
         >>> import torch, unproject as up
@@ -63,6 +62,8 @@ def bounding_box(silhouettes: Tensor) -> Box:
         >>> [edge.item() for edge in up.ops.bounding_box(mask)]
         [2.0, 4.0, 1.0, 7.0]
     """
+    if not differentiable:
+        silhouettes = silhouettes.detach()
     rows, columns = silhouettes[:, 0].amax(2), silhouettes[:, 0].amax(1)
     return Box(*_extent(rows), *_extent(columns))
 

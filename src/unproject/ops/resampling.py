@@ -6,6 +6,7 @@ Rays are in picture order: (B, row, column, sample, 3), row 0 the top, samples f
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -100,6 +101,51 @@ def perspective_rays(
     narrowing = 1 - towards / distance
     points = torch.stack(torch.broadcast_tensors(across * narrowing, up * narrowing, towards), -1)
     return torch.einsum("hwsk,bkj->bhwsj", points, frame)
+
+
+def pinhole_rays(
+    frame: Tensor,
+    size: int,
+    viewport: float | Tensor,
+    perspective: Tensor,
+    right: float | Tensor = 0.0,
+    up: float | Tensor = 0.0,
+) -> tuple[Tensor, Tensor]:
+    """Return rays p = o + w c of a pinhole for each element, o = v (i r + j u) and c = d - o / distance.
+
+    They are those of `perspective_rays`, at 0 of `orthographic_rays`; |c| is the ratio of length to depth.
+
+    Args:
+        frame: (B, 3, 3) with rows r, u, d (`rotation.camera_frame`).
+        size: pixels a side.
+        viewport: v, half the visible width of the plane through the centre, one for all or (B,).
+        perspective: (B,), one over the distance of the pinhole from the centre.
+        right, up: where the middle of the pixels is, one for all or (B,).
+
+    Returns:
+        o and c, (B, size, size, 3) each.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> frame, distance = up.ops.camera_frame(torch.zeros(2)), torch.tensor([4.0, 8.0])
+        >>> points = up.ops.ray_points(*up.ops.pinhole_rays(frame, 8, 1.0, 1 / distance), samples=12, half_depth=1.5)
+        >>> torch.allclose(points[1], up.ops.perspective_rays(frame, 8, 1.0, 12, 1.5, 8.0)[1], atol=1e-6)
+        True
+    """
+    r, u, d = (row[:, None, None] for row in frame.unbind(1))
+    i, v = centres(size, frame)[:, None], _per_ray(viewport)
+    origin = (v * i + _per_ray(right)) * r + (_per_ray(up) - v * i[:, None]) * u
+    return origin, d - _per_ray(perspective) * origin
+
+
+def ray_points(origin: Tensor, direction: Tensor, samples: int, half_depth: float) -> Tensor:
+    """Return o + w c, (B, ..., samples, 3), for w at the centres of equal cells of ±half_depth, nearest first."""
+    w = -half_depth * centres(samples, origin)[:, None]
+    return origin.unsqueeze(-2) + w * direction.unsqueeze(-2)
+
+
+def _per_ray(value: float | Tensor) -> Any:
+    return value[:, None, None, None] if isinstance(value, Tensor) else value
 
 
 def perspective_slant(like: Tensor, size: int, viewport: float, distance: float) -> Tensor:

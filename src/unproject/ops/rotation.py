@@ -26,12 +26,14 @@ def _snapped(value: Tensor) -> Tensor:
     return value - torch.where(small, value, torch.zeros_like(value)).detach()
 
 
-def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
+def camera_frame(azimuth: Tensor, elevation: Tensor | None = None, roll: Tensor | None = None) -> Tensor:
     """Return the rows r (right), u (up), d (towards the camera) in the object's frame.
 
     Args:
         azimuth: (B,) radians.
         elevation: (B,) radians (default: 0).
+        roll: (B,) radians by which the picture is turned counter-clockwise (default: 0): the camera turns clockwise,
+            r cos - u sin is to its right, r sin + u cos is up.
 
     Returns:
         (B, 3, 3), orthonormal and right-handed.
@@ -45,7 +47,14 @@ def camera_frame(azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:
     ca, sa = cos_sin(azimuth)
     ce, se = cos_sin(torch.zeros_like(azimuth) if elevation is None else elevation)
     rows = (ca, torch.zeros_like(ca), -sa, -sa * se, ce, -ca * se, sa * ce, se, ca * ce)
-    return torch.stack(rows, -1).unflatten(-1, (3, 3))
+    frame = torch.stack(rows, -1).unflatten(-1, (3, 3))
+    return frame if roll is None else _rolled(frame, roll)
+
+
+def _rolled(frame: Tensor, roll: Tensor) -> Tensor:
+    c, s = (value[:, None] for value in cos_sin(roll))
+    right, up, towards = frame.unbind(1)
+    return torch.stack((right * c - up * s, right * s + up * c, towards), 1)
 
 
 def rotate(x: Tensor, azimuth: Tensor, elevation: Tensor | None = None) -> Tensor:

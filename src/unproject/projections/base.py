@@ -57,11 +57,17 @@ class Projection:
 
     @property
     def latents(self) -> tuple[str, ...]:
-        """Names of the latent parameters: the keyword-only parameters of `forward`."""
+        """Names of the latent parameters: the keyword-only parameters of `forward`, less the optional ones."""
         if type(self).forward is _missing_forward:
             self.forward(None)
         parameters = inspect.signature(type(self).forward).parameters.values()
-        return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
+        names = (p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
+        return tuple(name for name in names if name not in self.optional_latents)
+
+    @property
+    def optional_latents(self) -> tuple[str, ...]:
+        """Names of latent parameters that a prior may leave out; none unless a subclass says so."""
+        return ()
 
 
 class Identity(Projection):

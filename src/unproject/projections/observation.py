@@ -22,7 +22,7 @@ class Observation:
         prior: p_i (default: `Product()`, which draws nothing, for a projection without latents).
 
     Raises:
-        UserError: if the prior does not draw exactly the latents that the projection takes.
+        UserError: if the prior does not draw the latents that the projection takes, or draws others.
 
     Examples:
         >>> import math, torch, unproject as up
@@ -39,10 +39,12 @@ class Observation:
 
     def __post_init__(self) -> None:
         wanted, drawn = set(self.projection.latents), set(self.prior.names)
-        if wanted != drawn:
+        optional = sorted(self.projection.optional_latents)
+        if not wanted <= drawn <= wanted.union(optional):
             raise UserError(
                 f"observation {self.name!r}: {type(self.projection).__name__} takes the latents "
                 f"{sorted(wanted)} but the prior draws {sorted(drawn)}; make the prior draw just those"
+                + (f", and any of {optional}" if optional else "")
             )
 
     def __call__(self, x: Tensor, rng: torch.Generator) -> Tensor:

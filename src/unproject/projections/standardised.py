@@ -48,6 +48,10 @@ class Standardised(Projection):
     def latents(self) -> tuple[str, ...]:
         return self.projection.latents
 
+    @property
+    def optional_latents(self) -> tuple[str, ...]:
+        return self.projection.optional_latents
+
     def forward(self, x: Tensor, **latents: Tensor) -> Tensor:
         return self.standardise(self.projection(x, **latents))
 
