@@ -2201,6 +2201,13 @@ ANY_CLASS = (
         "assignment/test_learned_latents.py",
     ),
     mutant(
+        "cropped: pictures of wide objects are made smaller",
+        "projections/cropped.py",
+        "self.height, width=math.inf)",
+        "self.height, width=0.9)",
+        "projections/test_cropped.py::test_pictures_of_wide_objects_are_cut_and_as_high_as_others",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
         ".clamp(one.low, one.high)",

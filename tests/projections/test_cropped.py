@@ -62,7 +62,7 @@ def test_what_is_done_to_the_pictures_is_done_to_the_projections(elevation: floa
     tall = bounding_box(Silhouette()(x, azimuth=azimuth)).height / SIDE
     silhouette = Silhouette(size=SIDE, rule="absorption", density=4.0)
     for k in range(8):
-        look = Cropped(silhouette, height=float(tall[k]), width=1.0)
+        look = Cropped(silhouette, height=float(tall[k]))
         far = Silhouette(size=2 * SIDE, rule="absorption", density=4.0, viewport=1.4)
         photograph = far(x[k : k + 1], azimuth=azimuth[k : k + 1], elevation=tilt[k : k + 1]).roll((7, -5), (2, 3))
         y = look(x[k : k + 1], azimuth=azimuth[k : k + 1], elevation=tilt[k : k + 1])
@@ -107,6 +107,13 @@ def test_the_middle_is_that_of_the_view() -> None:
     assert column.tolist() == pytest.approx([SIDE / 2] * 2, abs=0.2) and row.tolist() == pytest.approx([SIDE / 2] * 2)
     assert torch.allclose(y[0], y[1], atol=0.02)
     assert rotate_y(x, torch.zeros(2)).shape == x.shape
+
+
+def test_pictures_of_wide_objects_are_cut_and_as_high_as_others() -> None:
+    wide = torch.zeros(1, 1, SIDE, SIDE)
+    wide[..., SIDE // 2 - 2 : SIDE // 2 + 2, 1:-1] = 1
+    y = Cropped(Silhouette(size=SIDE), height=0.5).prepare(wide)
+    assert bounding_box(y).height.item() == pytest.approx(SIDE / 2) and bounding_box(y).width.item() == SIDE
 
 
 def chair(count: int) -> Tensor:
@@ -175,7 +182,7 @@ def test_all_laws_hold_but_that_of_the_gradient(rule: str, prior: Product) -> No
     assert {result.name for result in results if not result.passed} <= {"differentiable"}
 
 
-@pytest.mark.parametrize("wrong", [{"height": 0.0}, {"width": 1.1}, {"silhouette": Silhouette()}], ids=str)
+@pytest.mark.parametrize("wrong", [{"height": 0.0}, {"height": 1.1}, {"silhouette": Silhouette()}], ids=str)
 def test_frames_that_cannot_be_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(UserError, match="give the silhouette a size"):
         Cropped(**{"silhouette": Silhouette(size=8), **wrong})  # type: ignore[arg-type]

@@ -7,6 +7,7 @@ then they are projections of objects of this height, in the middle of the pictur
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -33,11 +34,11 @@ class Cropped(Projection):
 
     Attributes:
         silhouette: P; its `size` is that of the result.
-        height: of the objects that pictures are framed to (`prepare`), as a share of the frame.
-        width: of the object in a picture at most, as a share of the frame; pictures of wider ones are scaled to it.
+        height: of the objects that pictures are framed to (`prepare`), as a share of the frame. Objects that are wider
+            than the frame are cut at its sides: made smaller, they would not have this height.
 
     Raises:
-        UserError: for no size, or a share that is not above 0 and at most 1.
+        UserError: for no size, or a height that is not above 0 and at most 1.
 
     Examples:
         >>> import torch, unproject as up
@@ -53,11 +54,10 @@ class Cropped(Projection):
 
     silhouette: Silhouette
     height: float = 0.85
-    width: float = 0.9
 
     def __post_init__(self) -> None:
-        if self.silhouette.size is None or not (0 < self.height <= 1 and 0 < self.width <= 1):
-            raise UserError(f"{self}: give the silhouette a size, and shares of the frame above 0 and at most 1")
+        if self.silhouette.size is None or not 0 < self.height <= 1:
+            raise UserError(f"{self}: give the silhouette a size, and a share of the frame above 0 and at most 1")
 
     @property
     def optional_latents(self) -> tuple[str, ...]:
@@ -115,4 +115,4 @@ class Cropped(Projection):
 
     def prepare(self, y: Tensor) -> Tensor:
         """Return silhouettes (N, 1, H, W) framed to the common height."""
-        return framed(y, self.silhouette.size or y.shape[-1], self.height, self.width)
+        return framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf)
