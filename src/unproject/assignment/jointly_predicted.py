@@ -110,8 +110,7 @@ class JointlyPredictedState(PredictedState):
         """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""
         self.predictor.train()
         w, views = self.generator_weight(progress), self.views[rows].to(fake.device)
-        steered = fake.detach() + w * (fake - fake.detach()) if w else fake.detach()
-        images, views = self.settings.fit.half_mirrored(steered, views)
+        images, views = self.settings.fit.half_mirrored(fake.detach() + w * (fake - fake.detach()), views)
         loss = F.cross_entropy(self.predictor(self.settings.fit.prepared(images)), views)
         self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)
         return loss
