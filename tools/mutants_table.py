@@ -2180,6 +2180,13 @@ ANY_CLASS = (
         "assignment/test_jointly_predicted.py",
     ),
     mutant(
+        "joint: images are assigned by the predictor of the last step",
+        "assignment/jointly_predicted.py",
+        "mean.lerp_(new, AVERAGED)",
+        "mean.copy_(new)",
+        "assignment/test_jointly_predicted.py::test_images_are_assigned_by_the_average_of_predictors",
+    ),
+    mutant(
         "joint: nothing is left of the balance",
         "assignment/jointly_predicted.py",
         "max(LEAST_BALANCE, 1 - told)",

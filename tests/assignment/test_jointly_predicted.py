@@ -16,7 +16,7 @@ from torch import Tensor
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.assignment import Estimator, JointlyPredicted, JointlyPredictedState, Panel, PredictorFit, Rounds
-from unproject.assignment.jointly_predicted import LEAST_BALANCE, MEMORY, TOLD
+from unproject.assignment.jointly_predicted import AVERAGED, LEAST_BALANCE, MEMORY, TOLD
 from unproject.assignment.predicted import information
 from unproject.data import Collection
 from unproject.networks import ViewPredictor
@@ -90,10 +90,32 @@ def test_an_update_is_a_step_of_averaged_gradients() -> None:
     seen: list[torch.nn.Module] = []
     state.update(lambda module: seen.append(module))
     (averaged,) = seen
-    parameters = list(state.predictor.parameters())
+    parameters = list(state.trained.parameters())
     assert {id(p) for p in parameters} <= {id(p) for p in averaged.parameters()}
     assert max(float((p - q).detach().abs().max()) for p, q in zip(parameters, before)) == pytest.approx(0.01, rel=1e-3)
     assert all(p.grad is None or not p.grad.any() for p in parameters)
+
+
+def test_images_are_assigned_by_the_average_of_predictors() -> None:
+    """Weights and batch statistics both; a resumed state and a run that starts from it have both predictors."""
+    state, (fake, rows) = begun(rate=0.01), fakes()
+    mean = {name: value.double().clone() for name, value in state.predictor.state_dict().items()}
+    for _ in range(3):
+        state.loss(fake, rows, 0.0).backward()
+        state.update(average)
+        for name, new in state.trained.state_dict().items():
+            mean[name] = (
+                new.double() if new.dtype == torch.int64 else mean[name] + AVERAGED * (new.double() - mean[name])
+            )
+    for name, value in state.predictor.state_dict().items():
+        torch.testing.assert_close(value.double(), mean[name], atol=1e-6, rtol=0)
+    images = torch.rand(5, 1, SIZE, SIZE, generator=generator_at(3))
+    assert torch.equal(state._of(images), FIT.probabilities(state.predictor, [images]))  # pyright: ignore[reportPrivateUsage]
+    state.round.fill_(1)
+    other = begun()
+    assert other.take_over(state.state_dict())
+    for name, value in other.trained.state_dict().items():
+        assert torch.equal(value, state.predictor.state_dict()[name])
 
 
 @pytest.mark.parametrize(
@@ -163,7 +185,7 @@ def test_checks_change_nothing_that_training_sees() -> None:
     assert state.checks()["view_information"].value >= 0
     assert same(buffers.values(), state.predictor.buffers())
     state.loss(fake, rows, 0.0)
-    assert state.predictor.training
+    assert state.trained.training
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ References:
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,7 +28,6 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
-from ..metrics import Score
 from .context import Context
 from .panel import Panel, shared_collection
 from .predicted import Predicted, PredictedState
@@ -38,8 +38,8 @@ TOLD = 0.55
 """Share of log K from which on information counts as whole: objects that are their own mirror images hold 0.75."""
 LEAST_BALANCE = 0.25
 """Share of the balance that is left when all is told. Without any, shares of views that look alike drift apart."""
-MEMORY = 0.02
-"""Share of the newest step in the moving average of the cross entropy."""
+MEMORY, AVERAGED = 0.02, 0.05
+"""Shares of the newest step in the moving averages of the cross entropy and of the predictor."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,8 @@ class JointlyPredictedState(PredictedState):
     """The predictor, its optimiser, and what it knows.
 
     Attributes:
+        trained: the predictor that is trained at every step. `predictor`, which assigns images, is the moving average
+            of its weights: what single steps make of real pictures differs by a third.
         of_fakes: moving average of log K minus the cross entropy of projections, nats.
         of_data: information of the real images, at the last round, nats.
     """
@@ -95,7 +97,9 @@ class JointlyPredictedState(PredictedState):
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: JointlyPredicted, seed: int) -> None:
         super().__init__(panel, views, heads, settings, seed)
         self.joint = settings
-        self.online = torch.optim.Adam(self.predictor.parameters(), settings.rate, (0.5, 0.999))
+        self.trained = copy.deepcopy(self.predictor)
+        self.predictor.requires_grad_(False)
+        self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999))
         for name in ("of_fakes", "of_data"):
             self.register_buffer(name, torch.tensor(0.0))
 
@@ -108,10 +112,10 @@ class JointlyPredictedState(PredictedState):
 
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""
-        self.predictor.train()
+        self.trained.train()
         w, views = self.generator_weight(progress), self.views[rows].to(fake.device)
         images, views = self.settings.fit.half_mirrored(fake.detach() + w * (fake - fake.detach()), views)
-        loss = F.cross_entropy(self.predictor(self.settings.fit.prepared(images)), views)
+        loss = F.cross_entropy(self.trained(self.settings.fit.prepared(images)), views)
         self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)
         return loss
 
@@ -119,12 +123,20 @@ class JointlyPredictedState(PredictedState):
         average_gradients(self)
         self.online.step()
         self.online.zero_grad()
+        with torch.no_grad():
+            for mean, new in zip(self.predictor.state_dict().values(), self.trained.state_dict().values(), strict=True):
+                mean.lerp_(new, AVERAGED) if mean.is_floating_point() else mean.copy_(new)
+
+    def take_over(self, tensors: dict[str, Tensor]) -> bool:
+        fits = super().take_over(tensors)
+        if fits:
+            self.trained.load_state_dict(self.predictor.state_dict())
+        return fits
 
     def _begin_round(self, due: int, run: Context) -> None:
         self.fitting.fill_(due)
 
     def _fit(self, run: Context, seed: int) -> float:
-        self.predictor.eval()
         return math.log(len(self.panel.observations)) - float(self.of_fakes)
 
     def _responsibilities(self) -> Tensor:
@@ -143,7 +155,3 @@ class JointlyPredictedState(PredictedState):
             "view_information": round(float(self.of_fakes), 4),
             "view_information_of_data": round(float(self.of_data), 4),
         }
-
-    def checks(self) -> dict[str, Score]:
-        self.predictor.eval()
-        return super().checks()
