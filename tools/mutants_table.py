@@ -2215,6 +2215,13 @@ ANY_CLASS = (
         "projections/test_cropped.py::test_pictures_of_wide_objects_are_cut_and_as_high_as_others",
     ),
     mutant(
+        "latents: learned from the start",
+        "assignment/learned_latents.py",
+        "if self.progress < one.begin:",
+        "if False:",
+        "training/test_learned_latents.py::test_until_they_begin_priors_draw",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
         ".clamp(one.low, one.high)",

@@ -44,7 +44,7 @@ def test_a_fixed_mean_has_no_gradient_and_its_spread_has() -> None:
     assert found["roll.log_spread"].grad is not None and found["roll.log_spread"].grad.item() > 0
 
 
-@pytest.mark.parametrize("bad", [{"spread": 0.0}, {"rate": 0.0}, {"mean": 2.0}, {"name": "a.b"}])
+@pytest.mark.parametrize("bad", [{"spread": 0.0}, {"rate": 0.0}, {"mean": 2.0}, {"name": "a.b"}, {"begin": 1.0}])
 def test_senseless_settings_are_refused(bad: dict[str, Any]) -> None:
     with pytest.raises(up.UserError, match="give a name, a positive spread and rate"):
         LearnedLatent(**{"name": "elevation", "mean": 0.2, "spread": 0.1, "low": -0.5, "high": 1.2} | bad)

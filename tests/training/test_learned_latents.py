@@ -14,7 +14,7 @@ from toy import jointly, toy, with_panel
 from unproject.assignment import LearnedLatent
 from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
-from unproject.training import Recipe, Tries, load, resume, train
+from unproject.training import Recipe, load, resume, train
 from unproject.training.start import start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
@@ -61,17 +61,17 @@ def test_a_killed_run_resumes_bit_for_bit(tmp_path: Path, monkeypatch: pytest.Mo
     assert differences(whole, tmp_path / "killed") == []
 
 
-def test_tries_begin_with_other_distributions(tmp_path: Path) -> None:
-    """The one that goes on keeps its own, after a resume too."""
-    latent = replace(ELEVATION, others=((-0.3, 0.05),), rate=1e-6)
-    tries = Tries(3, 0.25, least_steps=1)
-    recipe = with_panel(toy(steps=8, starts=(0.05, 0.3, 0.55)), learned=(latent,)).replace(tries=tries)
+def test_until_they_begin_priors_draw(tmp_path: Path) -> None:
+    """Nothing is spent on them before; a resumed run goes on where it was."""
+    recipe = with_panel(toy(steps=8), learned=(replace(ELEVATION, begin=0.5),))
     run = train(recipe, tmp_path / "run", quiet=True)
-    lines = stats(run.path)
-    tried = {line["number"]: line["step"] for line in lines if line.get("event") == "tried"}
-    seen = [line["elevation"] for line in lines if "elevation" in line and line["step"] <= tried[2]]
-    assert seen == [[0.2, 0.1], [-0.3, 0.05], [0.2, 0.1]]
-    assert resume(run.path, recipe, steps=10, quiet=True).step == 10
+    seen = {line["step"]: line.get("elevation") for line in stats(run.path) if "loss_d" in line}
+    assert seen[2] is None and seen[4] is None and seen[6] is not None and seen[6] != seen[8]
+    level = train(toy(steps=8), tmp_path / "level", quiet=True)
+    losses = [[line["loss_g"] for line in stats(one.path) if "loss_g" in line] for one in (run, level)]
+    assert losses[0][:2] == losses[1][:2] and losses[0][2:] != losses[1][2:]
+    begun = run.assignments(recipe)[0].learned
+    assert begun is not None and "elevation" in begun.draw(1, torch.Generator())
 
 
 def test_another_run_gives_what_it_learned(tmp_path: Path) -> None:

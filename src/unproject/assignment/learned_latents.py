@@ -29,7 +29,8 @@ class LearnedLatent:
         mean, spread: m and s at the start.
         low, high: limits of θ.
         fixed_mean: learn s alone.
-        others: (m, s) at the start of further tries of a run (`Tries`), in turn.
+        begin: the part of the budget from which on it is learned; until then priors draw it, or it is left out. What
+            latents of more effect hold is found first: elevations of any spread explain pictures of any width.
         rate: Adam's learning rate of log s, and of m in units of `spread`, β = (0.5, 0.99).
 
     Raises:
@@ -47,31 +48,32 @@ class LearnedLatent:
     low: float = -math.inf
     high: float = math.inf
     fixed_mean: bool = False
-    others: tuple[tuple[float, float], ...] = ()
+    begin: float = 0.0
     rate: float = 0.01
 
     def __post_init__(self) -> None:
-        sensible = all(spread > 0 and self.low <= mean <= self.high for mean, spread in self.starts)
-        if not (sensible and self.rate > 0 and self.name.isidentifier()):
-            raise UserError(f"{self}: give a name, a positive spread and rate, and a mean between low and high")
-
-    @property
-    def starts(self) -> tuple[tuple[float, float], ...]:
-        """(m, s) at the start of each try; they are used in turn."""
-        return ((self.mean, self.spread), *self.others)
+        sensible = self.spread > 0 and self.rate > 0 and self.low <= self.mean <= self.high
+        if not (sensible and self.name.isidentifier() and 0 <= self.begin < 1):
+            raise UserError(
+                f"{self}: give a name, a positive spread and rate, a mean between low and high, and a begin below 1"
+            )
 
 
 class LearnedLatents(nn.Module):
-    """The latents of one panel; the checkpoint holds `NAME.mean` and `NAME.log_spread` of each."""
+    """The latents of one panel; the checkpoint holds `NAME.mean` and `NAME.log_spread` of each.
 
-    def __init__(self, settings: Sequence[LearnedLatent], number: int = 0) -> None:
-        """Begin the try of this number."""
+    Attributes:
+        progress: the part of the budget that is spent.
+    """
+
+    progress: Tensor
+
+    def __init__(self, settings: Sequence[LearnedLatent]) -> None:
         super().__init__()
         self.settings = tuple(settings)
         groups = []
         for one in self.settings:
-            mean, spread = one.starts[number % len(one.starts)]
-            own = nn.ParameterDict({"mean": torch.tensor(mean), "log_spread": torch.tensor(math.log(spread))})
+            own = nn.ParameterDict({"mean": torch.tensor(one.mean), "log_spread": torch.tensor(math.log(one.spread))})
             self.add_module(one.name, own)
             groups.append({"params": [own["log_spread"]], "lr": one.rate})
             if one.fixed_mean:
@@ -79,16 +81,19 @@ class LearnedLatents(nn.Module):
             else:
                 groups.append({"params": [own["mean"]], "lr": one.rate * one.spread})
         self.adam = torch.optim.Adam(groups, betas=(0.5, 0.99))
+        self.register_buffer("progress", torch.tensor(0.0, dtype=torch.float64))
 
     def _own(self) -> Iterator[tuple[LearnedLatent, Tensor, Tensor]]:
-        """Yield each latent with its m and s."""
+        """Yield each latent that is learned by now, with its m and s."""
         for one in self.settings:
+            if self.progress < one.begin:
+                continue
             own = self.get_submodule(one.name)
             assert isinstance(own, nn.ParameterDict)
             yield one, own["mean"], own["log_spread"].exp()
 
     def draw(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
-        """Return n draws of each latent: name → (n,)."""
+        """Return n draws of each latent that is learned by now: name → (n,)."""
         return {
             one.name: (m + s * torch.randn(n, generator=rng).to(m)).clamp(one.low, one.high)
             for one, m, s in self._own()

@@ -14,7 +14,7 @@ from torch.optim import Adam as TorchAdam
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..adversarial.augmentation import AugmentationState
-from ..assignment import AssignmentState, LearnedLatents, Panel
+from ..assignment import AssignmentState, Panel
 from ..data.sampling import batch_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
@@ -121,8 +121,6 @@ class State:
         """Begin the assignments of a try, whose draws depend on its seed."""
         assignments = begin_assignments(self.recipe, self._seed_of(number))
         for panel, assignment in zip(self.panels, assignments, strict=True):
-            if panel.panel.learned:
-                assignment.learned = LearnedLatents(panel.panel.learned, number)
             panel.assignment = assignment.to(self.device)
         self.counters.start = number
 

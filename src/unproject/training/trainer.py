@@ -207,6 +207,8 @@ class Trainer:
     def _assign(self, progress: float) -> bool:
         """Let each panel's assignment act; False if one was interrupted."""
         for index, panel in enumerate(self.state.panels):
+            if panel.assignment.learned is not None:
+                panel.assignment.learned.progress.fill_(progress)
             if not panel.assignment.before_step(TrainingContext(self, progress, index)):
                 self.saved_at = None
                 return False
