@@ -2222,10 +2222,17 @@ ANY_CLASS = (
         "training/test_learned_latents.py::test_until_they_begin_priors_draw",
     ),
     mutant(
+        "latents: cut at the lower limit",
+        "assignment/learned_latents.py",
+        "self.low + (values - self.low).abs()",
+        "values.clamp(min=self.low)",
+        "assignment/test_learned_latents.py::test_draws_stay_within_the_limits",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
-        ".clamp(one.low, one.high)",
-        "",
+        "values.clamp(max=self.high)",
+        "values",
         "assignment/test_learned_latents.py",
     ),
     mutant(

@@ -22,12 +22,12 @@ from .._types import UserError
 
 @dataclass(frozen=True)
 class LearnedLatent:
-    """θ = m + s ε, ε ~ N(0, 1), limited to [low, high]; m and s are learned.
+    """θ = m + s ε, ε ~ N(0, 1), within [low, high]; m and s are learned.
 
     Args:
         name: of the latent; it takes the place of what priors draw by this name.
         mean, spread: m and s at the start.
-        low, high: limits of θ.
+        low, high: limits of θ; what is below `low` is reflected there, what is above `high` becomes `high`.
         fixed_mean: learn s alone.
         begin: the part of the budget from which on it is learned; until then priors draw it, or it is left out. What
             latents of more effect hold is found first: elevations of any spread explain pictures of any width.
@@ -57,6 +57,12 @@ class LearnedLatent:
             raise UserError(
                 f"{self}: give a name, a positive spread and rate, a mean between low and high, and a begin below 1"
             )
+
+    def limited(self, values: Tensor) -> Tensor:
+        """Return values (N,) within the limits; reflected at `low`, all have a gradient there."""
+        if math.isfinite(self.low):
+            values = self.low + (values - self.low).abs()
+        return values.clamp(max=self.high)
 
 
 class LearnedLatents(nn.Module):
@@ -94,10 +100,7 @@ class LearnedLatents(nn.Module):
 
     def draw(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
         """Return n draws of each latent that is learned by now: name → (n,)."""
-        return {
-            one.name: (m + s * torch.randn(n, generator=rng).to(m)).clamp(one.low, one.high)
-            for one, m, s in self._own()
-        }
+        return {one.name: one.limited(m + s * torch.randn(n, generator=rng).to(m)) for one, m, s in self._own()}
 
     def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
         """Take a step of Adam after the backward pass of the generator's loss."""
