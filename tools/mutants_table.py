@@ -2229,6 +2229,13 @@ ANY_CLASS = (
         "assignment/test_learned_latents.py::test_draws_stay_within_the_limits",
     ),
     mutant(
+        "latents: negligible ones are drawn",
+        "assignment/learned_latents.py",
+        "if m.abs() + s < self.negligible:",
+        "if False:",
+        "assignment/test_learned_latents.py::test_negligible_ones_are_zero_and_stay_so",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
         "values.clamp(max=self.high)",

@@ -31,6 +31,14 @@ def test_draws_stay_within_the_limits() -> None:
     assert len(drawn.unique()) > 700  # below the lower limit none became the limit
 
 
+def test_negligible_ones_are_zero_and_stay_so() -> None:
+    latents = LearnedLatents([LearnedLatent("elevation", mean=-0.02, spread=0.02, negligible=0.05)])
+    drawn = latents.draw(3, rng())["elevation"]
+    assert drawn.tolist() == [0.0] * 3 and not drawn.requires_grad
+    latents = LearnedLatents([LearnedLatent("elevation", mean=-0.04, spread=0.02, negligible=0.05)])
+    assert latents.draw(3, rng())["elevation"].requires_grad
+
+
 def test_latents_of_one_panel_are_independent() -> None:
     drawn = LearnedLatents([ELEVATION, LearnedLatent("roll", mean=0.0, spread=0.1)]).draw(5000, rng())
     both = torch.stack([drawn["elevation"], drawn["roll"]])

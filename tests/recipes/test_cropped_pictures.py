@@ -67,6 +67,22 @@ def test_views_are_predicted_jointly_with_the_weight_that_is_asked_for(mirror: b
     assert panel.assignment.fit.mirrored == ((0, 3, 2, 1) if mirror else None)
 
 
+def learned(recipe: Recipe) -> list[str]:
+    (panel,) = recipe.panels
+    return [latent.name for latent in panel.learned]
+
+
+def test_what_is_learned_of_cameras(known_masks: Path, volumes: Path) -> None:
+    """Of photographs three latents; of renderings as they are, elevation; of known cameras nothing."""
+    arrays, photographs = as_arrays(known_masks), ["elevation", "perspective", "roll"]
+    for views in ("predicted", "single", "learned"):
+        assert learned(shapes(data=known_masks, views=views, **SMALL)) == photographs
+        assert learned(shapes(data=arrays, views=views, **SMALL)) == ["elevation"]
+        assert learned(shapes(data=volumes, views=views, **SMALL)) == []
+    for settings in ({"views": "known"}, {"level": True}, {"bands": 3}):
+        assert learned(shapes(data=known_masks, **settings, **SMALL)) == []
+
+
 @pytest.mark.parametrize("views", ["predicted", "known", "single", "learned"])
 def test_every_arm_trains_on_cropped_pictures(views: Any, known_masks: Path, tmp_path: Path) -> None:
     made = shapes(data=known_masks, views=views, steps=2, **SMALL).replace(batch=8, views_per_sample=2)

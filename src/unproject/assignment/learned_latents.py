@@ -31,6 +31,7 @@ class LearnedLatent:
         fixed_mean: learn s alone.
         begin: the part of the budget from which on it is learned; until then priors draw it, or it is left out. What
             latents of more effect hold is found first: elevations of any spread explain pictures of any width.
+        negligible: if |m| + s falls below it, θ is 0 from then on; projections with θ = 0 may be faster.
         rate: Adam's learning rate of log s, and of m in units of `spread`, β = (0.5, 0.99).
 
     Raises:
@@ -49,6 +50,7 @@ class LearnedLatent:
     high: float = math.inf
     fixed_mean: bool = False
     begin: float = 0.0
+    negligible: float = 0.0
     rate: float = 0.01
 
     def __post_init__(self) -> None:
@@ -57,6 +59,12 @@ class LearnedLatent:
             raise UserError(
                 f"{self}: give a name, a positive spread and rate, a mean between low and high, and a begin below 1"
             )
+
+    def draw(self, m: Tensor, s: Tensor, n: int, rng: torch.Generator) -> Tensor:
+        """Return n draws; without gradient, so that it stays so, if they are negligible."""
+        if m.abs() + s < self.negligible:
+            return torch.zeros(n, dtype=m.dtype, device=m.device)
+        return self.limited(m + s * torch.randn(n, generator=rng).to(m))
 
     def limited(self, values: Tensor) -> Tensor:
         """Return values (N,) within the limits; reflected at `low`, all have a gradient there."""
@@ -100,7 +108,7 @@ class LearnedLatents(nn.Module):
 
     def draw(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
         """Return n draws of each latent that is learned by now: name → (n,)."""
-        return {one.name: one.limited(m + s * torch.randn(n, generator=rng).to(m)) for one, m, s in self._own()}
+        return {one.name: one.draw(m, s, n, rng) for one, m, s in self._own()}
 
     def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
         """Take a step of Adam after the backward pass of the generator's loss."""

@@ -93,11 +93,21 @@ def is_rendered(collection: Collection) -> bool:
     return collection.latents is not None and "view" in collection.latents
 
 
-def camera_of(views: Views, collection: Collection, bands: int) -> tuple[LearnedLatent, ...]:
-    """Return what is learned of the cameras of pictures whose view is unknown."""
+def camera_of(views: Views, bands: int, collection: Collection, projection: Projection) -> tuple[LearnedLatent, ...]:
+    """Return what is learned of the cameras of pictures whose view is unknown: nothing if they were rendered here.
+
+    Elevations are positive, since silhouettes from below are those from above. Perspective and roll are learned of
+    cropped pictures: others are renderings.
+    """
     if views in ("known", "direct") or bands > 1 or is_rendered(collection):
         return ()
-    return (LearnedLatent("elevation", math.radians(15), math.radians(8), -math.radians(30), math.radians(75)),)
+    degree = math.radians(1)
+    elevation = LearnedLatent("elevation", 8 * degree, 5 * degree, 0.0, 75 * degree, begin=0.25, negligible=2 * degree)
+    if not isinstance(projection, Cropped):
+        return (elevation,)
+    perspective = LearnedLatent("perspective", 0.05, 0.05, 0.0, 0.4, begin=0.4, negligible=0.03)
+    roll = LearnedLatent("roll", 0.0, 2 * degree, fixed_mean=True, begin=0.4, negligible=0.5 * degree)
+    return (elevation, perspective, roll)
 
 
 def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:

@@ -97,7 +97,8 @@ def shapes(
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
         mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
-        level: pictures of unknown view were taken by a level camera. Otherwise its elevation is learned along.
+        level: pictures of unknown view were taken by a level camera. Otherwise elevations are learned along, of cropped
+            pictures perspective and roll too.
         options: fields of `Recipe`.
     """
     direct = views == "direct"
@@ -106,7 +107,7 @@ def shapes(
     symmetry = mirror_of(mirror, views, collection)
     joint = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands) if symmetry else (), init_views)
     panel = split_panel(views, observations, collection, joint, seed if augment else None, flips)
-    panel = replace(panel, learned=() if level else camera_of(views, collection, bands))
+    panel = replace(panel, learned=() if level else camera_of(views, bands, collection, observations[0].projection))
     return Recipe(
         generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=symmetry, hull=not direct),
         discriminator=discriminator_of(direct),
