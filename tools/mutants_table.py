@@ -2087,6 +2087,66 @@ ANY_CLASS = (
     ),
 )
 
+SIZES = (
+    mutant(
+        "refinement: parts lean the other way",
+        "ops/refinement.py",
+        "zip(edges, edges[1:], strict=False)",
+        "reversed(list(zip(edges, edges[1:], strict=False)))",
+        "ops/test_refinement.py",
+    ),
+    mutant(
+        "refinement: parts are interpolated linearly, and averages change",
+        "ops/refinement.py",
+        "return (t - 2 * t**2 + t**3) / 2, (t + 3 * t**2 - 2 * t**3) / 2, (t**3 - t**2) / 2",
+        "return t / 2 * (1 - t / 2), t * (1 + t) / 2 - t**2 / 2, t**2 / 4",
+        "networks/test_generators.py::test_finer_logits_average_to_the_logits",
+    ),
+    mutant(
+        "refinement: what lies beyond an end is taken from the other",
+        "ops/refinement.py",
+        "(place - 1).clamp(min=0)",
+        "(place - 1) % count",
+        "ops/test_refinement.py::test_what_is_reflected_at_an_end_is_refined_as_its_half",
+    ),
+    mutant(
+        "generator: finer samples repeat voxels",
+        "networks/low_rank.py",
+        "x = torch.sigmoid(self.logits(code, size // self.size))",
+        "x = torch.sigmoid(self.logits(code)).repeat_interleave(size // self.size, 1).repeat_interleave("
+        "size // self.size, 2).repeat_interleave(size // self.size, 3)",
+        "networks/test_generators.py",
+    ),
+    mutant(
+        "generator: lines are not refined with the planes",
+        "networks/low_rank.py",
+        "(refined(line(hidden), times, -1) for line",
+        "(line(hidden).repeat_interleave(times, -1).roll(1, -1) for line",
+        "networks/test_generators.py::test_finer_logits_average_to_the_logits",
+    ),
+    mutant(
+        "generator: finer samples are not reflected exactly",
+        "networks/low_rank.py",
+        "        return reflect(x,",
+        "        return reflect(x * (1 + 1e-6 * (size > self.size)),",
+        "networks/test_generators.py",
+    ),
+    mutant(
+        "generator: finer samples are made as many at a time",
+        "networks/generators.py",
+        "max(min(batch, FINE_VOXELS // max(size, 1) ** 3), 1)",
+        "batch",
+        "networks/test_generators.py::test_finer_samples_are_made_a_few_at_a_time",
+    ),
+    mutant(
+        "run: samples of any size are tried, whatever memory they take",
+        "training/run.py",
+        'if size is not None and self.domain.name == "volume":',
+        "if False:",
+        "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2107,5 +2167,6 @@ MUTANTS: tuple[Mutant, ...] = (
     *TRAINING,
     *VERDICTS,
     *ANY_CLASS,
+    *SIZES,
     *CHOICES,
 )

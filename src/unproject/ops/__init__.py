@@ -7,6 +7,7 @@ from .hull import visual_hull
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .parts import floating_parts, largest_part
+from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
 
@@ -25,6 +26,7 @@ __all__ = [
     "orthographic_rays",
     "perspective_rays",
     "quarter_turn",
+    "refined",
     "reflect_x",
     "rotate",
     "rotate_image",
