@@ -130,7 +130,7 @@ def path_of(folder: Path, form: str) -> Path:
 def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: Path) -> dict[str, Any]:
     """Train and score one arm."""
     views = "known" if form == "known" else "predicted"
-    recipe = up.recipes.find("shapes")(data=path_of(folder, form), views=views, seed=seed, minutes=minutes)
+    recipe = up.recipes.find("shapes")(data=path_of(folder, form), size=32, views=views, seed=seed, minutes=minutes)
     began = time.monotonic()
     place = out / "runs" / f"{name}-{form}-{seed}"
     run = up.resume(place) if place.exists() else up.train(recipe, place, quiet=True)

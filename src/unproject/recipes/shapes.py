@@ -31,14 +31,16 @@ from .shape_panels import (
     silhouettes_of,
     split_panel,
 )
+from .sizes import LARGE, SMALL, STEPS, sized_by_data
 
 
+@sized_by_data
 @resumable
 def shapes(
     *,
     data: Path | None = None,
     views: Views = "predicted",
-    size: int = 32,
+    size: int | None = None,
     bins: int = 16,
     bands: int = 1,
     views_per_shape: int = 16,
@@ -68,7 +70,8 @@ def shapes(
         views: what is known of the views: predicted (nothing; they are estimated image by image), learned (nothing;
             only their distribution is estimated), known, single (nothing; one discriminator head), or direct (no
             projection: train on the volumes themselves).
-        size: voxels, and pixels, a side.
+        size: voxels, and pixels, a side (default: 64 if the pictures or volumes of `data` are at least 64 a side, in a
+            folder the median of their shorter sides; else 32).
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0).
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
@@ -96,6 +99,7 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
+    assert size is not None  # `sized_by_data` has chosen one
     direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
@@ -114,7 +118,7 @@ def shapes(
         discriminator_optimiser=falling_adam(rate),
         batch=48,
         views_per_sample=1 if direct else 4,
-        steps=4000,
+        steps=STEPS[LARGE if size >= LARGE else SMALL],
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,
     ).configured(options)
