@@ -2127,9 +2127,9 @@ SIZES = (
     mutant(
         "generator: finer samples are not reflected exactly",
         "networks/low_rank.py",
-        "        return reflect(x,",
-        "        return reflect(x * (1 + 1e-6 * (size > self.size)),",
-        "networks/test_generators.py",
+        'return reflect(x, "xyz".index(self.mirror) + 1)',
+        'return torch.cat([x, x if size > self.size else x.flip(1)], "xyz".index(self.mirror) + 1)',
+        "networks/test_generators.py::test_finer_samples_are_exactly_symmetric",
     ),
     mutant(
         "generator: finer samples are made as many at a time",
@@ -2144,6 +2144,41 @@ SIZES = (
         'if size is not None and self.domain.name == "volume":',
         "if False:",
         "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
+    ),
+    mutant(
+        "size: pictures of exactly 64 pixels are taken for small",
+        "recipes/sizes.py",
+        "side is None or side < LARGE",
+        "side is None or side <= LARGE",
+        "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
+    ),
+    mutant(
+        "size: the largest picture of a folder decides",
+        "data/readers/sides.py",
+        "int(statistics.median(sides))",
+        "max(sides)",
+        "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
+    ),
+    mutant(
+        "size: the longer side of a picture counts",
+        "data/readers/sides.py",
+        "return min(picture.size)",
+        "return max(picture.size)",
+        "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
+    ),
+    mutant(
+        "size: all pictures of a folder are opened",
+        "data/readers/sides.py",
+        "if len(files) > MOST else files",
+        "if False else files",
+        "recipes/test_sizes.py::test_thousands_of_pictures_are_not_all_opened",
+    ),
+    mutant(
+        "size: a run forgets what was chosen",
+        "training/origin.py",
+        "{**arguments, **_chosen(made.origin, arguments)}",
+        "arguments",
+        "recipes/test_sizes.py::test_a_run_of_the_command_line_resumes_at_its_size",
     ),
 )
 
