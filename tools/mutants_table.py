@@ -2127,8 +2127,8 @@ SIZES = (
     mutant(
         "generator: finer samples are not reflected exactly",
         "networks/low_rank.py",
-        'return reflect(x, "xyz".index(self.mirror) + 1)',
-        'return torch.cat([x, x if size > self.size else x.flip(1)], "xyz".index(self.mirror) + 1)',
+        'reflect(x, "xyz".index(self.mirror) + 1)',
+        'torch.cat([x, x if size > self.size else x.flip(1)], "xyz".index(self.mirror) + 1)',
         "networks/test_generators.py::test_finer_samples_are_exactly_symmetric",
     ),
     mutant(
@@ -2144,6 +2144,27 @@ SIZES = (
         'if size is not None and self.domain.name == "volume":',
         "if False:",
         "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
+    ),
+    mutant(
+        "layout: repetitions are of another axis",
+        "ops/layout.py",
+        "order.index(0)",
+        "0",
+        "ops/test_layout.py",
+    ),
+    mutant(
+        "layout: silhouettes copy what is generated",
+        "ops/layout.py",
+        "x.permute(3, 0, 1, 2).contiguous().permute(1, 2, 3, 0)",
+        "x.contiguous()",
+        "ops/test_layout.py",
+    ),
+    mutant(
+        "size: direct training is at 64 voxels",
+        "recipes/sizes.py",
+        'SMALL if arguments.get("views") == "direct" else',
+        "",
+        "recipes/test_sizes.py::test_direct_training_stays_small",
     ),
     mutant(
         "size: pictures of exactly 64 pixels are taken for small",

@@ -132,6 +132,12 @@ def test_procedural_chairs_stay_small_and_a_given_size_counts(monkeypatch: pytes
     assert generator_size(shapes(data=tmp_path / "large.npz", size=16, **SMALL)) == 16
 
 
+def test_direct_training_stays_small(tmp_path: Path) -> None:
+    np.savez(tmp_path / "large.npz", volume=chairs(8, 64).numpy() > 0.5)
+    assert generator_size(shapes(data=tmp_path / "large.npz", views="direct", **SMALL)) == 32
+    assert generator_size(shapes(data=tmp_path / "large.npz", views="direct", size=64, **SMALL)) == 64
+
+
 def test_64_has_a_budget_of_half_an_hour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 8)
     small = {name: value for name, value in SMALL.items() if name != "steps"}

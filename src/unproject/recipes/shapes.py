@@ -71,7 +71,7 @@ def shapes(
             only their distribution is estimated), known, single (nothing; one discriminator head), or direct (no
             projection: train on the volumes themselves).
         size: voxels, and pixels, a side (default: 64 if the pictures or volumes of `data` are at least 64 a side, in a
-            folder the median of their shorter sides; else 32).
+            folder the median of their shorter sides; 32 of smaller ones, and with views direct).
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0).
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.

@@ -26,13 +26,17 @@ def sized_by_data(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
     """Give a recipe function the `size` that its `data` are for, unless one is given.
 
     It goes around `resumable`, so that recipe.json holds the size: a run resumes at it whatever becomes of the data.
+    Direct training stays at 32³: at 64³ a step of 3-D convolutions takes seven seconds of a core.
     """
 
     @functools.wraps(function)
     def sized(*positional: P.args, **arguments: P.kwargs) -> Recipe:
         if arguments.get("size") is None:
             data = arguments.get("data")
-            arguments["size"] = size_for(data if data is None else Path(str(data)))
+            chosen = (
+                SMALL if arguments.get("views") == "direct" else size_for(data if data is None else Path(str(data)))
+            )
+            arguments["size"] = chosen
         return function(*positional, **arguments)
 
     return sized

@@ -19,6 +19,7 @@ from torch import Tensor
 
 from .._random import derived_seed, generator_at
 from ..networks import Generator
+from ..ops.layout import repeated
 from . import checkpoint
 from .balancing import balanced_loss
 from .choosing import choose
@@ -118,8 +119,8 @@ class Trainer:
 
     def _project(self, x: Tensor, draw: int) -> list[Batch]:
         """Pair samples, each as often as it is projected, with real images, in every panel."""
-        repeated = x.repeat_interleave(self.recipe.views_per_sample, 0) if self.recipe.views_per_sample > 1 else x
-        return [self._batch(panel, repeated, draw, index) for index, panel in enumerate(self.state.panels)]
+        each = repeated(x, self.recipe.views_per_sample)
+        return [self._batch(panel, each, draw, index) for index, panel in enumerate(self.state.panels)]
 
     def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
         self._check_stop()
