@@ -2146,17 +2146,17 @@ SIZES = (
         "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
     ),
     mutant(
-        "layout: repetitions are of another axis",
+        "layout: volumes are repeated in turn",
         "ops/layout.py",
-        "order.index(0)",
-        "0",
+        ".repeat_interleave(times, 1)",
+        ".repeat(1, times, 1, 1)",
         "ops/test_layout.py",
     ),
     mutant(
-        "layout: silhouettes copy what is generated",
+        "layout: silhouettes copy what is repeated",
         "ops/layout.py",
-        "x.permute(3, 0, 1, 2).contiguous().permute(1, 2, 3, 0)",
-        "x.contiguous()",
+        ".permute(1, 2, 3, 0)",
+        ".permute(1, 2, 3, 0).contiguous()",
         "ops/test_layout.py",
     ),
     mutant(

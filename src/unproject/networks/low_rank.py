@@ -8,7 +8,6 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
-from ..ops.layout import heights_last
 from ..ops.refinement import refined
 from .blocks import SmoothUpsampling, upsampling_levels
 from .generators import Generator, reflect
@@ -98,4 +97,4 @@ class LowRankGenerator(Generator):
         if size < self.size or size % self.size:
             raise UserError(f"size {size}: choose {self.size}, or a multiple of it such as {2 * self.size}")
         x = torch.sigmoid(self.logits(code, size // self.size))
-        return heights_last(reflect(x, "xyz".index(self.mirror) + 1) if self.mirror else x)
+        return reflect(x, "xyz".index(self.mirror) + 1) if self.mirror else x

@@ -5,23 +5,15 @@ from __future__ import annotations
 from torch import Tensor
 
 
-def repeated(x: Tensor, times: int) -> Tensor:
-    """Return x (B, ...) with each element `times` in a row, (B times, ...), in the order that x has in memory.
+def repeated_volumes(x: Tensor, times: int) -> Tensor:
+    """Return volumes (B, X, Y, Z), each `times` in a row, laid out in memory as (Z, B times, X, Y).
 
-    The sum over repetitions, its gradient, reads memory in order then.
+    Level rays read columns of heights in this order without a copy, and the sum over repetitions, which is the
+    gradient, reads memory in order.
 
     Examples:
         >>> import torch
-        >>> repeated(torch.tensor([[1, 2], [3, 4]]), 2).tolist()
-        [[1, 2], [1, 2], [3, 4], [3, 4]]
+        >>> repeated_volumes(torch.arange(4.0).view(2, 1, 1, 2), 2).flatten(1).tolist()
+        [[0.0, 1.0], [0.0, 1.0], [2.0, 3.0], [2.0, 3.0]]
     """
-    if times == 1:
-        return x
-    order = sorted(range(x.dim()), key=x.stride, reverse=True)  # of equal strides the first stays first
-    back = sorted(range(x.dim()), key=order.__getitem__)
-    return x.permute(order).repeat_interleave(times, order.index(0)).permute(back)
-
-
-def heights_last(x: Tensor) -> Tensor:
-    """Return volumes (B, X, Y, Z) in the order (Z, B, X, Y) in memory, in which level rays read them without copies."""
-    return x.permute(3, 0, 1, 2).contiguous().permute(1, 2, 3, 0)
+    return x.permute(3, 0, 1, 2).contiguous().repeat_interleave(times, 1).permute(1, 2, 3, 0)

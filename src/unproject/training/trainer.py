@@ -19,7 +19,6 @@ from torch import Tensor
 
 from .._random import derived_seed, generator_at
 from ..networks import Generator
-from ..ops.layout import repeated
 from . import checkpoint
 from .balancing import balanced_loss
 from .choosing import choose
@@ -119,7 +118,7 @@ class Trainer:
 
     def _project(self, x: Tensor, draw: int) -> list[Batch]:
         """Pair samples, each as often as it is projected, with real images, in every panel."""
-        each = repeated(x, self.recipe.views_per_sample)
+        each = self.state.domain.repeated(x, self.recipe.views_per_sample)
         return [self._batch(panel, each, draw, index) for index, panel in enumerate(self.state.panels)]
 
     def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
