@@ -107,7 +107,14 @@ def train(arm: str, seed: int, options: argparse.Namespace) -> None:
     if (out / "recipe.json").exists():
         command = ["resume", str(out)]
     else:
-        flags = {"data": f"{options.data}:chair", "views": arm, "minutes": options.minutes, "seed": seed, "out": out}
+        flags = {
+            "data": f"{options.data}:chair",
+            "size": 32,
+            "views": arm,
+            "minutes": options.minutes,
+            "seed": seed,
+            "out": out,
+        }
         if options.images:
             flags |= {"data": options.images, "balance": UNEVEN_BALANCE}
         command = ["train", "shapes", *[part for k, v in flags.items() for part in (f"--{k}", str(v))]]

@@ -30,7 +30,7 @@ def run() -> dict[str, float]:
 
 
 def trainer(heads: int, folder: Path, recorder: Recorder) -> Trainer:
-    recipe = shapes(views="known", bins=heads, views_per_shape=4, steps=10_000)
+    recipe = shapes(views="known", size=32, bins=heads, views_per_shape=4, steps=10_000)
     return Trainer(recipe, folder, recorder, distribution=Distribution("cpu"))
 
 

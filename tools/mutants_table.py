@@ -1505,15 +1505,15 @@ ASSIGNMENTS = (
     mutant(
         "assignment: samples are projected in another image's view",
         "assignment/panel.py",
-        "return self.panel.project(x, self.views[rows], rng)",
-        "return self.panel.project(x, self.views[rows.flip(0)], rng)",
+        "return self.observe(x, self.views[rows], rng)",
+        "return self.observe(x, self.views[rows.flip(0)], rng)",
         PAIRED,
     ),
     mutant(
         "assignment: samples are projected in views drawn anew",
         "assignment/panel.py",
-        "return self.panel.project(x, self.views[rows], rng)",
-        "return self.panel.project(x, self.draw_views(len(x), rng), rng)",
+        "return self.observe(x, self.views[rows], rng)",
+        "return self.observe(x, self.draw_views(len(x), rng), rng)",
         PAIRED,
     ),
     mutant(
@@ -2236,6 +2236,13 @@ ANY_CLASS = (
         "assignment/test_learned_latents.py::test_negligible_ones_are_zero_and_stay_so",
     ),
     mutant(
+        "sizes: short budgets are spent at 64³",
+        "recipes/sizes.py",
+        "and minutes < LEAST_MINUTES",
+        "and minutes < 0",
+        "recipes/test_sizes.py::test_short_budgets_are_spent_on_small_volumes",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
         "values.clamp(max=self.high)",
@@ -2244,8 +2251,8 @@ ANY_CLASS = (
     ),
     mutant(
         "latents: never updated",
-        "training/trainer.py",
-        "panel.assignment.learned.update(self.distribution.average_gradients)",
+        "training/state.py",
+        "self.assignment.learned.update(average_gradients)",
         "pass",
         "training/test_learned_latents.py::test_training_moves_them",
     ),
@@ -2307,6 +2314,122 @@ ANY_CLASS = (
     ),
 )
 
+SIZES = (
+    mutant(
+        "refinement: parts lean the other way",
+        "ops/refinement.py",
+        "zip(edges, edges[1:], strict=False)",
+        "reversed(list(zip(edges, edges[1:], strict=False)))",
+        "ops/test_refinement.py",
+    ),
+    mutant(
+        "refinement: parts are interpolated linearly, and averages change",
+        "ops/refinement.py",
+        "return (t - 2 * t**2 + t**3) / 2, (t + 3 * t**2 - 2 * t**3) / 2, (t**3 - t**2) / 2",
+        "return t / 2 * (1 - t / 2), t * (1 + t) / 2 - t**2 / 2, t**2 / 4",
+        "networks/test_generators.py::test_finer_logits_average_to_the_logits",
+    ),
+    mutant(
+        "refinement: what lies beyond an end is taken from the other",
+        "ops/refinement.py",
+        "(place - 1).clamp(min=0)",
+        "(place - 1) % count",
+        "ops/test_refinement.py::test_what_is_reflected_at_an_end_is_refined_as_its_half",
+    ),
+    mutant(
+        "generator: finer samples repeat voxels",
+        "networks/low_rank.py",
+        "x = torch.sigmoid(self.logits(code, size // self.size))",
+        "x = torch.sigmoid(self.logits(code)).repeat_interleave(size // self.size, 1).repeat_interleave("
+        "size // self.size, 2).repeat_interleave(size // self.size, 3)",
+        "networks/test_generators.py",
+    ),
+    mutant(
+        "generator: lines are not refined with the planes",
+        "networks/low_rank.py",
+        "(refined(line(hidden), times, -1) for line",
+        "(line(hidden).repeat_interleave(times, -1).roll(1, -1) for line",
+        "networks/test_generators.py::test_finer_logits_average_to_the_logits",
+    ),
+    mutant(
+        "generator: finer samples are not reflected exactly",
+        "networks/low_rank.py",
+        'reflect(x, "xyz".index(self.mirror) + 1)',
+        'torch.cat([x, x if size > self.size else x.flip(1)], "xyz".index(self.mirror) + 1)',
+        "networks/test_generators.py::test_finer_samples_are_exactly_symmetric",
+    ),
+    mutant(
+        "generator: finer samples are made as many at a time",
+        "networks/generators.py",
+        "max(min(batch, FINE_VOXELS // max(size, 1) ** 3), 1)",
+        "batch",
+        "networks/test_generators.py::test_finer_samples_are_made_a_few_at_a_time",
+    ),
+    mutant(
+        "run: samples of any size are tried, whatever memory they take",
+        "training/run.py",
+        'if size is not None and self.domain.name == "volume":',
+        "if False:",
+        "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
+    ),
+    mutant(
+        "layout: volumes are repeated in turn",
+        "ops/layout.py",
+        ".repeat_interleave(times, 1)",
+        ".repeat(1, times, 1, 1)",
+        "ops/test_layout.py",
+    ),
+    mutant(
+        "layout: silhouettes copy what is repeated",
+        "ops/layout.py",
+        ".permute(1, 2, 3, 0)",
+        ".permute(1, 2, 3, 0).contiguous()",
+        "ops/test_layout.py",
+    ),
+    mutant(
+        "size: direct training is at 64 voxels",
+        "recipes/sizes.py",
+        'short or arguments.get("views") == "direct"',
+        "short",
+        "recipes/test_sizes.py::test_direct_training_stays_small",
+    ),
+    mutant(
+        "size: pictures of exactly 64 pixels are taken for small",
+        "recipes/sizes.py",
+        "side is None or side < LARGE",
+        "side is None or side <= LARGE",
+        "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
+    ),
+    mutant(
+        "size: the largest picture of a folder decides",
+        "data/readers/sides.py",
+        "int(statistics.median(sides))",
+        "max(sides)",
+        "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
+    ),
+    mutant(
+        "size: the longer side of a picture counts",
+        "data/readers/sides.py",
+        "return min(picture.size)",
+        "return max(picture.size)",
+        "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
+    ),
+    mutant(
+        "size: all pictures of a folder are opened",
+        "data/readers/sides.py",
+        "if len(files) > MOST else files",
+        "if False else files",
+        "recipes/test_sizes.py::test_thousands_of_pictures_are_not_all_opened",
+    ),
+    mutant(
+        "size: a run forgets what was chosen",
+        "training/origin.py",
+        "{**arguments, **_chosen(made.origin, arguments)}",
+        "arguments",
+        "recipes/test_sizes.py::test_a_run_of_the_command_line_resumes_at_its_size",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2328,5 +2451,6 @@ MUTANTS: tuple[Mutant, ...] = (
     *VERDICTS,
     *PHOTOGRAPHS,
     *ANY_CLASS,
+    *SIZES,
     *CHOICES,
 )

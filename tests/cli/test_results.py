@@ -76,6 +76,32 @@ def test_the_seed_says_which_and_n_how_many(runs: Callable[[str], Path], tmp_pat
     assert np.array_equal(a, b[:3]) and not np.array_equal(a, c)
 
 
+def test_samples_of_twice_the_size(runs: Callable[[str], Path], refused: Callable[..., str], tmp_path: Path) -> None:
+    run = runs("known")
+    fine = sample(run, tmp_path / "fine.npz", "--n", "3", "--seed", "2", "--size", "32")
+    coarse = sample(run, tmp_path / "coarse.npz", "--n", "3", "--seed", "2")
+    assert fine.shape == (3, 32, 32, 32) and fine.dtype == np.float32
+    assert np.abs(fine.reshape(3, 16, 2, 16, 2, 16, 2).mean((2, 4, 6)) - coarse).max() < 0.05
+    words = ["export", str(run), "--n", "3", "--seed", "2", "--size", "32", "--no-largest-part", "--to", "npz"]
+    assert main([*words, "--out", str(tmp_path / "out.npz")]) == 0
+    with np.load(tmp_path / "out.npz") as arrays:
+        assert np.array_equal(arrays["volume"], fine)
+    assert "size 24: choose 16" in refused("sample", run, "--size", "24", "--out", tmp_path / "no.npz")
+    said = refused("export", tmp_path / "fine.npz", "--size", "64", "--out", tmp_path / "no.glb")
+    assert "give the run in its place" in said and not list(tmp_path.glob("no*"))
+
+
+def test_samples_that_do_not_fit_into_memory(
+    runs: Callable[[str], Path], refused: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """3 samples of 64³, twice, are 6 MB; what is made at once is at most 64 MB eight times."""
+    words = ("sample", runs("known"), "--n", "3", "--size", "64", "--out")
+    monkeypatch.setattr("unproject.training.run.available_memory", lambda _: 500_000_000)
+    assert "lower n or size" in refused(*words, tmp_path / "x.npz")
+    monkeypatch.setattr("unproject.training.run.available_memory", lambda _: 600_000_000)
+    assert main([str(word) for word in (*words, tmp_path / "x.npz")]) == 0
+
+
 def test_a_run_of_the_package_needs_no_trust(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

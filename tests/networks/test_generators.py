@@ -278,3 +278,97 @@ def test_smooth_images_start_without_a_checkerboard() -> None:
 def test_the_seeds_channels_halve_with_every_doubling() -> None:
     layers = [m for m in build(lambda: ImageGenerator(32, 6, 64)).modules() if isinstance(m, nn.ConvTranspose2d)]
     assert [(m.in_channels, m.out_channels) for m in layers] == [(64, 32), (32, 16), (16, 8)]
+
+
+# Other sizes
+
+
+def rough(mirror: bool | str = False, hull: bool = False) -> LowRankGenerator:
+    """A generator of volumes that are neither empty nor full, whose logits vary from voxel to voxel."""
+    generator = build(lambda: LowRankGenerator(16, 6, 16, rank=3, mirror=mirror, bias=0.0, hull=hull))
+    assert isinstance(generator, LowRankGenerator)
+    for factor in (*generator.planes, *generator.lines):
+        factor.last.weight.data *= 40
+    return generator.eval()
+
+
+def blocks(x: Tensor, times: int) -> Tensor:
+    """(B, X, Y, Z) as (B, X / t, Y / t, Z / t, t³)."""
+    parts = x.unfold(1, times, times).unfold(2, times, times).unfold(3, times, times)
+    return parts.flatten(4)
+
+
+@pytest.mark.parametrize("times", [1, 2, 3, 4])
+@pytest.mark.parametrize("mirror", [False, "x", "z"])
+def test_finer_logits_average_to_the_logits(mirror: bool | str, times: int) -> None:
+    generator = rough(mirror).double()
+    code = codes(generator).double()
+    fine, coarse = generator.logits(code, times), generator.logits(code)
+    assert coarse.std() > 0.5 and (times == 1 or fine.std() > coarse.std())
+    torch.testing.assert_close(blocks(fine, times).mean(-1), coarse)
+
+
+@pytest.mark.parametrize("times", [2, 4])
+@pytest.mark.parametrize("mirror", [False, "x", "z"])
+def test_finer_samples_average_to_the_sample(mirror: bool | str, times: int) -> None:
+    """Within half the largest |σ''| = 1 / 6√3 times the variance of the logits, by Taylor's theorem."""
+    generator = rough(mirror)
+    fine = blocks(generator.sample(3, seed=4, size=16 * times), times)
+    variance = fine.double().logit().var(-1, correction=0)
+    off = (fine.mean(-1) - generator.sample(3, seed=4)).abs()
+    assert (off <= variance / (12 * math.sqrt(3)) + 1e-5).all()
+    assert off.mean() < 0.005 and generator.sample(3, seed=4).std() > 0.05
+
+
+def test_the_finer_sample_is_not_the_repeated_one() -> None:
+    generator = rough()
+    repeated = generator.sample(2).repeat_interleave(2, 1).repeat_interleave(2, 2).repeat_interleave(2, 3)
+    assert (generator.sample(2, size=32) - repeated).abs().mean() > 0.005
+
+
+@pytest.mark.parametrize("mirror, axis", [("x", 1), ("z", 3)])
+def test_finer_samples_are_exactly_symmetric(mirror: str, axis: int) -> None:
+    x = rough(mirror).sample(2, size=48)
+    assert x.shape == (2, 48, 48, 48) and torch.equal(x, x.flip(axis))
+
+
+def test_the_own_size_is_the_sample() -> None:
+    generator = rough()
+    assert torch.equal(generator.sample(3, seed=1, size=16), generator.sample(3, seed=1))
+
+
+def test_finer_samples_have_their_own_hull() -> None:
+    assert torch.equal(rough(hull=True).sample(2, size=32), visual_hull(rough().sample(2, size=32)))
+
+
+def test_a_finer_sample_depends_on_neither_n_nor_batch() -> None:
+    generator = rough()
+    samples = generator.sample(5, seed=3, batch=4, size=32)
+    assert torch.equal(samples[:2], generator.sample(2, seed=3, batch=4, size=32))
+    torch.testing.assert_close(samples[:3], generator.sample(3, seed=3, batch=2, size=32))
+
+
+@pytest.mark.parametrize("size, most", [(16, 64), (64, 64), (128, 8), (256, 1)])
+def test_finer_samples_are_made_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch, size: int, most: int) -> None:
+    """So that 128³ takes no more memory than 64 samples of 64³ do."""
+    seen: list[int] = []
+
+    def noted(self: Generator, code: Tensor, size: int) -> Tensor:
+        seen.append(len(code))
+        return torch.zeros(len(code), 1, 1, 1)
+
+    monkeypatch.setattr(LowRankGenerator, "at_size", noted)
+    assert len(rough().sample(70, size=size)) == 70
+    assert set(seen) == {most} and 70 <= sum(seen) < 70 + most
+
+
+@pytest.mark.parametrize("size", [8, 15, 24, 0, -16])
+def test_sizes_that_are_no_multiple_are_refused(size: int) -> None:
+    with pytest.raises(UserError, match=f"size {size}: choose 16, or a multiple of it such as 32"):
+        rough().sample(1, size=size)
+
+
+@pytest.mark.parametrize("name", ["transposed", "image"])
+def test_other_generators_have_one_size(name: str) -> None:
+    with pytest.raises(UserError, match="makes samples of one size; leave size out"):
+        build(SMALL[name]).sample(1, size=32)

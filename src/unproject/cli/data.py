@@ -83,7 +83,7 @@ def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | Non
     """Read a path as this recipe does, at its size."""
     from ..data import inspect, inspect_materials
 
-    size, kind = size or _size_of(recipe), recipe.partition("-")[0]
+    size, kind = size or _size_of(recipe, path), recipe.partition("-")[0]
     if framing is not None and kind in ("digits", *MATERIALS):
         raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
     if kind in MATERIALS:
@@ -92,8 +92,12 @@ def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | Non
     return inspect(path, size, pictures=pictures, framing=framing, strict=strict)
 
 
-def _size_of(recipe: str) -> int:
-    """The default of the recipe's own `size`."""
+def _size_of(recipe: str, path: Path) -> int:
+    """The default of the recipe's own `size`, or what it chooses for a path."""
+    if recipe == "shapes":
+        from ..recipes.sizes import size_for
+
+        return size_for(path)
     parameters = inspect_module.signature(find_recipe(recipe)).parameters
     if "size" not in parameters or not isinstance(parameters["size"].default, int):
         raise UserError(f"--for {recipe}: has no default size; give --size")

@@ -48,7 +48,8 @@ def run(
         depth: Bits of the maps' PNG, or half or float EXR.
         fresnel: What the specular map means: see `unproject render --help`.
         eta: The index of refraction, for --fresnel eta.
-        size: Resample folders of textures to so many pixels a side.
+        size: Of shapes of a run, voxels a side: a multiple of what was trained, such as 128 after 64. Of folders of
+            textures, pixels a side, to which they are resampled.
         trust: Import the generator's code although it is not of this package.
     """
     import torch
@@ -90,11 +91,13 @@ def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: i
     textures = to in export.MATERIAL_FORMATS and source.suffix != ".npz"
     if (source / "recipe.json").exists() or (source.suffix != ".npz" and not textures):
         opened = load(source, trust=trust)
-        return Found(opened.sample(_some(n), seed), opened.domain)
+        return Found(opened.sample(_some(n), seed, size=size), opened.domain)
     names = _names(source) if source.suffix == ".npz" else ()
     if textures or "diffuse" in names:
         maps, fresnel, skipped = read_maps(source, size)
         return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
+    if size is not None:
+        raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
     domain = domain_of_arrays(names)
     return Found(_sampled_before(source, domain)[: _some(n)], domain)
 

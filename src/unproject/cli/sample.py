@@ -14,6 +14,7 @@ def run(
     n: int = 16,
     seed: int = 0,
     out: Path = Path("samples.npz"),
+    size: int | None = None,
     largest_part: bool = False,
     trust: bool = False,
 ) -> None:
@@ -27,6 +28,7 @@ def run(
         n: how many.
         seed: which; the same seed gives the same samples.
         out: the file to write.
+        size: voxels a side of shapes: a multiple of what was trained, such as 128 after 64 (default: what was trained).
         largest_part: remove parts of shapes that float.
         trust: import the generator's code although it is not of this package.
     """
@@ -38,7 +40,7 @@ def run(
     if out.suffix != ".npz":
         raise UserError(f"--out {out}: give a name that ends in .npz")
     opened = load(path, trust=trust)
-    x = opened.sample(n, seed, largest_part=largest_part)
+    x = opened.sample(n, seed, largest_part=largest_part, size=size)
     with naming(out):
         opened.domain.write_arrays(x, out)
     print(f"{out}: {n} samples ({opened.domain.name}) of {'x'.join(map(str, x.shape[1:]))}")

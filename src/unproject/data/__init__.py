@@ -21,6 +21,7 @@ from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .readers.patches import material_patches
 from .readers.photographs import OBSERVATIONS, photographed
 from .readers.probes import read_probe, read_probes, resample_probe
+from .readers.sides import side_of
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
 from .sampling import batch_rows
@@ -66,6 +67,7 @@ __all__ = [
     "read_probe",
     "read_probes",
     "resample_probe",
+    "side_of",
     "with_flips",
     "wood",
 ]

@@ -65,6 +65,10 @@ class Domain(ABC):
         """Return samples without parts that float; those of a domain that has no parts as they are."""
         return x
 
+    def repeated(self, x: Tensor, times: int) -> Tensor:
+        """Return samples (B, ...) each `times` in a row, to be projected, in the layout in memory that is fast."""
+        return x.repeat_interleave(times, 0) if times > 1 else x
+
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         """Return samples as the arrays that `unproject sample` writes."""
         return {self.name: x.numpy()}

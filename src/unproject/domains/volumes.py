@@ -16,6 +16,7 @@ from .. import export
 from ..data import Collection, read
 from ..metrics import Finding, Score, one_minus_iou, shape_scores, silhouette_scores
 from ..ops.framing import unit_sized
+from ..ops.layout import repeated_volumes
 from ..ops.parts import largest_part, number_parts
 from ..projections.observation import Observation
 from .domain import Domain, Exporter
@@ -57,6 +58,9 @@ class Volumes(Domain):
 
     def largest_part(self, x: Tensor) -> Tensor:
         return largest_part(x.float())
+
+    def repeated(self, x: Tensor, times: int) -> Tensor:
+        return repeated_volumes(x, times) if times > 1 else x
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         if self.sized:

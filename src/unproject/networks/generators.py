@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from functools import partial
 from typing import ClassVar, Literal, TypeAlias
 
 import torch
@@ -15,6 +16,8 @@ from ..ops.hull import visual_hull
 from .blocks import SmoothUpsampling, upsampling_levels
 
 Upsampling: TypeAlias = Literal["transposed", "nearest"]
+FINE_VOXELS = 64 * 64**3
+"""Voxels of another size that are generated at once, at least one sample: as many as of 64 samples of 64³."""
 
 
 class Generator(nn.Module, ABC):
@@ -59,19 +62,39 @@ class Generator(nn.Module, ABC):
         """Draw n codes z ~ N(0, 1), (n, code_size)."""
         return torch.randn(n, self.code_size, generator=rng)
 
+    def at_size(self, code: Tensor, size: int) -> Tensor:
+        """Return x = G(z) of `size` a side, as finely as the generator can; most have one size only.
+
+        Raises:
+            UserError: if the generator cannot make that size.
+        """
+        raise UserError(f"size {size}: {type(self).__name__} makes samples of one size; leave size out")
+
     @torch.no_grad()
-    def sample(self, n: int, seed: int = 0, batch: int = 64) -> Tensor:
+    def sample(self, n: int, seed: int = 0, batch: int = 64, size: int | None = None) -> Tensor:
         """Return n samples, generated in evaluation mode, on the CPU; sample i depends on (seed, i) only, not on n.
 
         It does not depend on `batch` either, up to rounding, unless batch norm uses the statistics of the batch.
+
+        Args:
+            n: how many.
+            seed: which.
+            batch: how many are generated at once; of another size fewer, so that they take no more memory than 64 do at
+                64³.
+            size: a side of volumes, in voxels (default: the generator's own; see `at_size`).
+
+        Raises:
+            UserError: for a size that the generator cannot make.
         """
+        make = self if size is None else partial(self.at_size, size=size)
+        batch = batch if size is None else max(min(batch, FINE_VOXELS // max(size, 1) ** 3), 1)
         device = next(self.parameters()).device
         # Batches are always full: neither rounding nor batch statistics may depend on n.
         codes = torch.cat([self._one_code(seed, i) for i in range(max(n + -n % batch, batch))])
         training = self.training
         self.eval()
         try:
-            parts = (self(part.to(device)).float() for part in codes.split(batch))
+            parts = (make(part.to(device)).float() for part in codes.split(batch))
             return torch.cat([(visual_hull(x) if self.hull else x).cpu() for x in parts])[:n]
         finally:
             self.train(training)

@@ -7,6 +7,7 @@ from .hull import visual_hull
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .parts import floating_parts, largest_part
+from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
 
@@ -27,6 +28,7 @@ __all__ = [
     "pinhole_rays",
     "quarter_turn",
     "ray_points",
+    "refined",
     "reflect_x",
     "rotate",
     "rotate_image",

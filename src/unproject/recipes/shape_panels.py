@@ -65,7 +65,7 @@ def pictures_of(
     views: Views,
     silhouette: Silhouette,
     bins: int,
-    bands: int,
+    bands: int | None,
     views_per_shape: int,
     binary: bool,
     seed: int,
@@ -93,13 +93,15 @@ def is_rendered(collection: Collection) -> bool:
     return collection.latents is not None and "view" in collection.latents
 
 
-def camera_of(views: Views, bands: int, collection: Collection, projection: Projection) -> tuple[LearnedLatent, ...]:
+def camera_of(
+    views: Views, bands: int | None, collection: Collection, projection: Projection
+) -> tuple[LearnedLatent, ...]:
     """Return what is learned of the cameras of pictures whose view is unknown: nothing if they were rendered here.
 
     Elevations are positive, since silhouettes from below are those from above. Perspective and roll are learned of
     cropped pictures: others are renderings.
     """
-    if views in ("known", "direct") or bands > 1 or is_rendered(collection):
+    if views in ("known", "direct") or bands is not None or is_rendered(collection):
         return ()
     degree = math.radians(1)
     elevation = LearnedLatent("elevation", 8 * degree, 5 * degree, 0.0, 75 * degree, begin=0.25, negligible=2 * degree)
@@ -110,8 +112,9 @@ def camera_of(views: Views, bands: int, collection: Collection, projection: Proj
     return (elevation, perspective, roll)
 
 
-def silhouette_views(silhouette: Projection, bins: int, bands: int) -> tuple[Observation, ...]:
+def silhouette_views(silhouette: Projection, bins: int, bands: int | None) -> tuple[Observation, ...]:
     """Return bins of azimuth at elevation 0, or times bands of elevation."""
+    bands = 1 if bands is None else bands
     if bins < 1 or bands < 1:
         raise UserError(f"bins={bins}, bands={bands}: give at least one of each")
     return azimuth_bins(bins, silhouette) if bands == 1 else azimuth_elevation_bins(bins, bands, silhouette)
@@ -168,6 +171,7 @@ def mirror_of(mirror: bool, views: Views, collection: Collection) -> bool | Lite
 
 def split_panel(
     views: Views,
+    bands: int | None,
     observations: Sequence[Observation],
     collection: Collection,
     predicted: Predicted,
@@ -177,4 +181,5 @@ def split_panel(
     """Return the panel with a tenth of the images held out, unless there is no seed for that or training is direct."""
     split = split_seed is not None and views != "direct"
     kept, held_out = collection.split(seed=split_seed or 0) if split else (collection, None)
-    return panel_of(views, observations, with_flips(kept) if flips else kept, predicted, held_out)
+    panel = panel_of(views, observations, with_flips(kept) if flips else kept, predicted, held_out)
+    return replace(panel, learned=camera_of(views, bands, collection, observations[0].projection))

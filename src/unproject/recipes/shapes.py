@@ -5,7 +5,6 @@ The arms of every comparison differ by `views` alone; `pairing` has the table.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -22,7 +21,6 @@ from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, panel_of
 from .shape_panels import (
-    camera_of,
     discriminator_of,
     falling_adam,
     jointly_predicted,
@@ -33,16 +31,18 @@ from .shape_panels import (
     silhouettes_of,
     split_panel,
 )
+from .sizes import sized_by_data, steps_of
 
 
+@sized_by_data
 @resumable
 def shapes(
     *,
     data: Path | None = None,
     views: Views = "predicted",
-    size: int = 32,
+    size: int | None = None,
     bins: int = 16,
-    bands: int = 1,
+    bands: int | None = None,
     views_per_shape: int = 16,
     binary: bool = False,
     flips: bool = False,
@@ -61,7 +61,6 @@ def shapes(
     init_views: bool = False,
     tries: int = 3,
     mirror: bool = True,
-    level: bool = False,
     **options: Unpack[Options],
 ) -> Recipe:
     """Shapes from silhouettes, for a laptop: low-rank generator, relativistic loss with lazy R1 + R2.
@@ -71,9 +70,13 @@ def shapes(
         views: what is known of the views: predicted (nothing; they are estimated image by image), learned (nothing;
             only their distribution is estimated), known, single (nothing; one discriminator head), or direct (no
             projection: train on the volumes themselves).
-        size: voxels, and pixels, a side.
+        size: voxels, and pixels, a side (default: 64 if the pictures or volumes of `data` are at least 64 a side, in a
+            folder the median of their shorter sides; 32 of smaller ones, with views direct, and if `minutes` is
+            under 30).
         bins: views: bins of azimuth.
-        bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0).
+        bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0). By default the
+            elevations of pictures of unknown view are learned along, of cropped pictures perspective and roll too;
+            others are 0.
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: threshold rendered silhouettes at one half.
         flips: learn from the mirror images of the pictures too; for small collections.
@@ -97,17 +100,15 @@ def shapes(
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
         mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
-        level: pictures of unknown view were taken by a level camera. Otherwise elevations are learned along, of cropped
-            pictures perspective and roll too.
         options: fields of `Recipe`.
     """
     direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     symmetry = mirror_of(mirror, views, collection)
-    joint = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands) if symmetry else (), init_views)
-    panel = split_panel(views, observations, collection, joint, seed if augment else None, flips)
-    panel = replace(panel, learned=() if level else camera_of(views, bands, collection, observations[0].projection))
+    mirrored = mirrored_views(bins, bands or 1) if symmetry else ()
+    joint = jointly_predicted(rounds, balance, information, mirrored, init_views)
+    panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
         generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=symmetry, hull=not direct),
         discriminator=discriminator_of(direct),
@@ -120,7 +121,7 @@ def shapes(
         discriminator_optimiser=falling_adam(rate),
         batch=48,
         views_per_sample=1 if direct else 4,
-        steps=4000,
+        steps=steps_of(size),
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,
     ).configured(options)

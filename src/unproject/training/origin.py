@@ -55,7 +55,13 @@ def make(name: str, function: Callable[..., Any], arguments: dict[str, Any]) -> 
     where = name if name.rpartition(":")[0].endswith(".py") else full_name(function)
     seed = {"seed": given.pop("seed")} if "seed" in given else {}
     made = made.configured(given).replace(**seed)  # pyright: ignore[reportArgumentType]
-    return made.replace(origin=origin_of(name, where, arguments))
+    return made.replace(origin=origin_of(name, where, {**arguments, **_chosen(made.origin, arguments)}))
+
+
+def _chosen(origin: Origin | None, arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments that a recipe function chose itself, where none were given."""
+    remembered = {} if origin is None else origin.arguments
+    return {name: value for name, value in remembered.items() if arguments.get(name) is None}
 
 
 def split(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -21,7 +21,9 @@ from ..data import Collection
 from ..domains import Domain, domain_of
 from ..metrics import Score
 from ..networks import Generator
+from ..networks.generators import FINE_VOXELS
 from . import checkpoint
+from .estimate import GIB, available_memory
 from .evaluation import estimated_view_scores, sample_scores, self_checks
 from .origin import rebuild
 from .recipe import Recipe
@@ -71,13 +73,19 @@ class Run:
     made: Recipe | None = field(default=None, repr=False, compare=False)
     trusted: bool = field(default=False, repr=False, compare=False)
 
-    def sample(self, n: int, seed: int = 0, *, largest_part: bool = False) -> Tensor:
+    def sample(self, n: int, seed: int = 0, *, largest_part: bool = False, size: int | None = None) -> Tensor:
         """Return n samples (n, ...) on the CPU; the same seed gives the same ones.
 
         Args:
             largest_part: remove parts of shapes that float (`ops.largest_part`); other samples stay as they are.
+            size: voxels a side, for generators that can make other sizes than their own (`Generator.at_size`).
+
+        Raises:
+            UserError: for a size that the generator cannot make, or that takes more memory than there is.
         """
-        x = self.generator.sample(n, seed)
+        if size is not None and self.domain.name == "volume":
+            _require_memory_of(n, size)
+        x = self.generator.sample(n, seed) if size is None else self.generator.sample(n, seed, size=size)
         return self.domain.largest_part(x) if largest_part else x
 
     def stats(self) -> list[dict[str, Any]]:
@@ -201,6 +209,15 @@ def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> N
         if name.endswith("/assignment/learned.elevation.mean"):
             spread = tensors[name.removesuffix("mean") + "log_spread"].exp()
             generator.hull = generator.hull and bool(mean.abs() + spread < LEVEL)
+
+
+def _require_memory_of(n: int, size: int) -> None:
+    """Refuse volumes that do not fit: the samples twice, while they are put together, and what is made at once."""
+    need = 4 * (2 * n * size**3 + 8 * max(FINE_VOXELS, size**3))
+    there = available_memory(torch.device("cpu"))
+    if there is not None and need > there:
+        takes = f"take about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available"
+        raise UserError(f"{n} samples of {size}³ voxels {takes}; lower n or size")
 
 
 def is_foreign(path: Path) -> bool:

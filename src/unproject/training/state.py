@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +56,12 @@ class PanelState:
     assignment: AssignmentState
     augmentation: AugmentationState | None = None
     gradient_norm: float = 1.0
+
+    def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
+        """Update what the panel learns itself, after the backward pass of the generator's loss."""
+        self.assignment.update(average_gradients)
+        if self.assignment.learned is not None:
+            self.assignment.learned.update(average_gradients)
 
     def log(self) -> dict[str, Any]:
         """Return fields for the lines of the log."""

@@ -118,8 +118,8 @@ class Trainer:
 
     def _project(self, x: Tensor, draw: int) -> list[Batch]:
         """Pair samples, each as often as it is projected, with real images, in every panel."""
-        repeated = x.repeat_interleave(self.recipe.views_per_sample, 0) if self.recipe.views_per_sample > 1 else x
-        return [self._batch(panel, repeated, draw, index) for index, panel in enumerate(self.state.panels)]
+        each = self.state.domain.repeated(x, self.recipe.views_per_sample)
+        return [self._batch(panel, each, draw, index) for index, panel in enumerate(self.state.panels)]
 
     def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
         self._check_stop()
@@ -173,9 +173,7 @@ class Trainer:
             extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)
         self._apply(state.generator, state.generator_optimiser, loss + extra)
         for panel in state.panels:
-            panel.assignment.update(self.distribution.average_gradients)
-            if panel.assignment.learned is not None:
-                panel.assignment.learned.update(self.distribution.average_gradients)
+            panel.update(self.distribution.average_gradients)
         return total
 
     def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
