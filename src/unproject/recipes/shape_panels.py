@@ -17,7 +17,7 @@ from .._types import UserError
 from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
 from ..assignment import JointlyPredicted, LearnedLatent, MeanShapeInitialiser, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
-from ..networks import Discriminator
+from ..networks import Discriminator, LowRankGenerator
 from ..ops.framing import common_fill, common_height
 from ..projections.base import Projection
 from ..projections.cropped import Cropped
@@ -47,6 +47,13 @@ def jointly_predicted(
     fit = replace(drawn.fit, mirrored=mirrored or None)
     initialiser = MeanShapeInitialiser(mirror=bool(mirrored), balance=balance) if init_views else None
     return JointlyPredicted(drawn.rounds, fit, drawn.estimator, initialiser, weight=information)
+
+
+def generator_of(
+    size: int, channels: int, rank: int, mirror: bool | Literal["z"], direct: bool
+) -> Callable[[], LowRankGenerator]:
+    """Return the generator; hulls are sampled where silhouettes leave the inside open."""
+    return partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=not direct)
 
 
 def discriminator_of(direct: bool) -> Callable[[tuple[int, ...], int], nn.Module]:

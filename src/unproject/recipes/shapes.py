@@ -16,13 +16,14 @@ from ..adversarial.augmentation import Affine
 from ..adversarial.losses import Hinge, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..domains import Volumes
-from ..networks import Discriminator, LowRankGenerator, VoxelGenerator
+from ..networks import Discriminator, VoxelGenerator
 from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, panel_of
 from .shape_panels import (
     discriminator_of,
     falling_adam,
+    generator_of,
     jointly_predicted,
     mirror_of,
     pictures_of,
@@ -110,7 +111,7 @@ def shapes(
     joint = jointly_predicted(rounds, balance, information, mirrored, init_views)
     panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
-        generator=partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=symmetry, hull=not direct),
+        generator=generator_of(panel.shape[-1], channels, rank, symmetry, direct),
         discriminator=discriminator_of(direct),
         panels=[panel],
         domain=Volumes(sized=observations[0].projection == silhouette),
