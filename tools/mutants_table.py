@@ -454,6 +454,13 @@ LIGHT_AND_MAPS = (
         "ops/test_hull.py",
     ),
     mutant(
+        "hull: fog is as opaque as its fullest voxel",
+        "ops/hull.py",
+        "-torch.expm1(-density * silhouette.index_add(1, index, planes))",
+        "silhouette.index_add(1, index, planes).clamp(max=0) + planes.amax(1, keepdim=True)",
+        "ops/test_hull.py::test_fog_becomes_the_body_that_it_looks_like",
+    ),
+    mutant(
         "hull: the silhouette is the least along a ray",
         "ops/hull.py",
         'planes, "amax", include_self=False',
@@ -810,7 +817,7 @@ NETWORKS = (
     mutant(
         "generator: samples of a generator with a hull are not filled",
         "networks/generators.py",
-        "(visual_hull(x) if self.hull else x).cpu()",
+        "self._filled(x).cpu()",
         "x.cpu()",
         "networks/test_generators.py::test_samples_of_a_generator_with_a_hull_are_filled",
     ),
@@ -2243,6 +2250,13 @@ ANY_CLASS = (
         "recipes/test_sizes.py::test_short_budgets_are_spent_on_small_volumes",
     ),
     mutant(
+        "solid: empty volumes have no gradient",
+        "adversarial/regularisers.py",
+        "TINY = 1e-30",
+        "TINY = 1e-6",
+        "adversarial/test_regularisers.py",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
         "values.clamp(max=self.high)",
@@ -2266,8 +2280,8 @@ ANY_CLASS = (
     mutant(
         "latents: hulls of tilted cameras",
         "training/run.py",
-        "generator.hull and bool(",
-        "generator.hull or bool(",
+        "generator.hull if bool(",
+        "generator.hull if not bool(",
         "training/test_learned_latents.py::test_hulls_are_sampled_of_level_cameras_only",
     ),
     mutant(

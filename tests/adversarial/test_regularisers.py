@@ -28,6 +28,11 @@ def test_its_weight_falls_in_a_straight_line(progress: float, weight: float) -> 
 
 def test_empty_volumes_are_finite_and_full_ones_cost_nothing() -> None:
     assert math.isfinite(Solid()(volumes(0.0), 0.0).item())
+    logits = torch.full(
+        (1, 4, 4, 4), -40.0, requires_grad=True
+    )  # as good as empty: the gradient is that of fuller ones
+    Solid(weight=1.0)(logits.sigmoid(), 0.0).backward()
+    assert logits.grad is not None and logits.grad.sum().item() == pytest.approx(-1, rel=1e-3)
     assert Solid()(volumes(1.0), 0.0).item() == pytest.approx(0, abs=1e-6)
 
 

@@ -57,6 +57,25 @@ def test_a_gap_that_a_view_sees_through_stays_open() -> None:
     assert hull[0, 8, 5, 8] == 0 and hull[0, 8, 5, 4] == 0
 
 
+def test_fog_becomes_the_body_that_it_looks_like() -> None:
+    """A box of fog that no ray sees through: as opaque as its silhouettes, larger by a voxel's corners at most."""
+    box = torch.zeros(1, 24, 24, 24)
+    box[:, 4:20, 6:18, 4:20] = 1
+    hull = visual_hull(0.1 * box, density=2.0)
+    assert (visual_hull(0.1 * box) <= 0.1).all()
+    middle = hull[:, 11:13, 6:18, 11:13]
+    torch.testing.assert_close(middle.amin(), 1 - torch.exp(torch.tensor(-2 * 0.1 * 16)), atol=0.02, rtol=0)
+    assert ((hull > 0.5) & (box == 0)).sum() < 0.05 * box.sum()
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.integers(0, 1000), st.floats(0.5, 4.0))
+def test_by_absorption_it_is_larger_and_grows_with_the_density(seed: int, density: float) -> None:
+    x = torch.rand(2, 7, 6, 7, generator=torch.Generator().manual_seed(seed)) ** 4
+    hull = visual_hull(x, 8, density)
+    assert (hull >= x).all() and (visual_hull(x, 8, 2 * density) >= hull).all() and hull.amax() <= 1
+
+
 def test_differentiable() -> None:
     x = torch.rand(1, 5, 4, 5, dtype=torch.float64, generator=torch.Generator().manual_seed(0), requires_grad=True)
     assert torch.autograd.gradcheck(visual_hull, (x,))

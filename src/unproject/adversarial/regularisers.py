@@ -15,6 +15,10 @@ Regulariser: TypeAlias = Callable[[Tensor, float], Tensor]
 """(x, progress) → a term of the generator's loss."""
 
 
+TINY = 1e-30
+"""So small that empty volumes have a gradient too: a sigmoid underflows at some 1e-38."""
+
+
 @dataclass(frozen=True)
 class Solid:
     """-w E log(mean p): prefer the fullest volume among those with the same silhouettes.
@@ -35,7 +39,7 @@ class Solid:
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
         weight = self.weight + (self.final - self.weight) * min(progress, 1.0)
-        return -weight * (x.flatten(1).mean(1) + 1e-6).log().mean()
+        return -weight * (x.flatten(1).mean(1) + TINY).log().mean()
 
 
 @dataclass(frozen=True)

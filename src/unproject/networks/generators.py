@@ -31,7 +31,8 @@ class Generator(nn.Module, ABC):
         code_size: L, the length of a code.
         truncation: the bound of |z| in `sample`, a truncated normal distribution (default: none).
         hull: `sample` returns the visual hull of volumes (`ops.visual_hull`). Silhouettes at elevation 0 determine a
-            volume up to its hull, so cavities of a sample are arbitrary. Runs whose cameras are not level turn it off.
+            volume up to its hull, so cavities of a sample are arbitrary. A number is the density of silhouettes by
+            absorption, by which fog looks solid. Runs whose cameras are not level turn it off.
 
     Examples:
         >>> import torch, unproject as up
@@ -48,11 +49,15 @@ class Generator(nn.Module, ABC):
 
     domain: ClassVar[Literal["", "volumes", "images", "maps"]] = ""
 
-    def __init__(self, code_size: int, truncation: float | None = None, hull: bool = False) -> None:
+    def __init__(self, code_size: int, truncation: float | None = None, hull: bool | float = False) -> None:
         super().__init__()
         self.code_size = code_size
         self.truncation = truncation
         self.hull = hull
+
+    def _filled(self, x: Tensor) -> Tensor:
+        """Return the hull of samples, if that is what is sampled."""
+        return visual_hull(x, density=None if self.hull is True else self.hull) if self.hull else x
 
     @abstractmethod
     def forward(self, code: Tensor) -> Tensor:
@@ -95,7 +100,7 @@ class Generator(nn.Module, ABC):
         self.eval()
         try:
             parts = (make(part.to(device)).float() for part in codes.split(batch))
-            return torch.cat([(visual_hull(x) if self.hull else x).cpu() for x in parts])[:n]
+            return torch.cat([self._filled(x).cpu() for x in parts])[:n]
         finally:
             self.train(training)
 

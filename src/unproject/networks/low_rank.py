@@ -58,7 +58,7 @@ class LowRankGenerator(Generator):
         mirror: bool | Literal["x", "z"] = False,
         bias: float = -5.0,
         truncation: float | None = None,
-        hull: bool = False,
+        hull: bool | float = False,
     ) -> None:
         super().__init__(code_size, truncation, hull)
         hidden = 256

@@ -4,6 +4,9 @@ H(x, y, z) = min_k S_k(u_k(x, z), y),   S_k(j, y) = max of v over the voxels (x,
 
 with orthographic views k at elevation 0, u_k = x cos a_k - z sin a_k and columns one voxel wide. As it consists of
 maxima and minima, it commutes with thresholding. On the grid H >= v and hull(H) = H exactly.
+
+A soft volume may look opaque where no voxel is half full. With a density d the silhouettes are those of absorption,
+S_k = 1 - exp(-d Σ v) over the same voxels, and H is at least v: fog becomes the body that it looks like.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from torch import Tensor
 from .resampling import centres
 
 
-def visual_hull(volume: Tensor, views: int = 16) -> Tensor:
+def visual_hull(volume: Tensor, views: int = 16, density: float | None = None) -> Tensor:
     """Compute the visual hull from `views` cameras at elevation 0; it fills cavities and concavities.
 
     The views are at azimuths k π / views, half a turn: the opposite view has the mirrored silhouette.
@@ -24,6 +27,7 @@ def visual_hull(volume: Tensor, views: int = 16) -> Tensor:
     Args:
         volume: (B, X, Y, Z).
         views: number of cameras.
+        density: of a full voxel, for silhouettes by absorption (default: by the largest value along each ray).
 
     Returns:
         (B, X, Y, Z), at least `volume` everywhere.
@@ -38,8 +42,8 @@ def visual_hull(volume: Tensor, views: int = 16) -> Tensor:
     hull = torch.full_like(volume, math.inf)
     for k in range(views):
         columns = _columns(volume, math.pi * k / views)
-        hull = torch.minimum(hull, _cast_back(volume, columns))
-    return hull
+        hull = torch.minimum(hull, _cast_back(volume, columns, density))
+    return hull if density is None else torch.maximum(hull, volume)
 
 
 def _columns(volume: Tensor, azimuth: float) -> Tensor:
@@ -53,11 +57,14 @@ def _columns(volume: Tensor, azimuth: float) -> Tensor:
     return (u + widest / 2 + margin + 1e-3).floor().long()
 
 
-def _cast_back(volume: Tensor, columns: Tensor) -> Tensor:
+def _cast_back(volume: Tensor, columns: Tensor, density: float | None) -> Tensor:
     """Return the value of the silhouette S at the column of each place."""
     planes = volume.transpose(2, 3).flatten(1, 2)
     index = columns.flatten()
     silhouette = planes.new_zeros(len(volume), int(index.max()) + 1, volume.shape[2])
-    everywhere = index[:, None].expand_as(planes)
-    silhouette = silhouette.scatter_reduce(1, everywhere, planes, "amax", include_self=False)
+    if density is None:
+        everywhere = index[:, None].expand_as(planes)
+        silhouette = silhouette.scatter_reduce(1, everywhere, planes, "amax", include_self=False)
+    else:
+        silhouette = -torch.expm1(-density * silhouette.index_add(1, index, planes))
     return silhouette[:, index].unflatten(1, columns.shape).transpose(2, 3)

@@ -50,10 +50,10 @@ def jointly_predicted(
 
 
 def generator_of(
-    size: int, channels: int, rank: int, mirror: bool | Literal["z"], direct: bool
+    size: int, channels: int, rank: int, mirror: bool | Literal["z"], hull: bool | float
 ) -> Callable[[], LowRankGenerator]:
-    """Return the generator; hulls are sampled where silhouettes leave the inside open."""
-    return partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=not direct)
+    """Return the generator."""
+    return partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=hull)
 
 
 def discriminator_of(direct: bool) -> Callable[[tuple[int, ...], int], nn.Module]:

@@ -111,7 +111,7 @@ def shapes(
     joint = jointly_predicted(rounds, balance, information, mirrored, init_views)
     panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
-        generator=generator_of(panel.shape[-1], channels, rank, symmetry, direct),
+        generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if direct else density),
         discriminator=discriminator_of(direct),
         panels=[panel],
         domain=Volumes(sized=observations[0].projection == silhouette),

@@ -208,7 +208,7 @@ def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> N
     for name, mean in tensors.items():
         if name.endswith("/assignment/learned.elevation.mean"):
             spread = tensors[name.removesuffix("mean") + "log_spread"].exp()
-            generator.hull = generator.hull and bool(mean.abs() + spread < LEVEL)
+            generator.hull = generator.hull if bool(mean.abs() + spread < LEVEL) else False
 
 
 def _require_memory_of(n: int, size: int) -> None:
