@@ -18,6 +18,7 @@ from unproject.data import OBSERVATIONS, Collection, Framing, inspect, inspect_m
 from unproject.data.inspection import ENLARGED
 from unproject.ops.maps import unpack_maps
 from unproject.recipes import find, material_panels
+from unproject.recipes.sizes import size_for
 
 
 @pytest.fixture
@@ -69,7 +70,7 @@ def test_a_framing_reaches_the_pictures(folder: Path) -> None:
 
 @pytest.mark.parametrize("recipe", ["shapes", "shapes-paper", "digits"])
 def test_the_verb_shows_the_size_that_the_recipe_takes(folder: Path, capsys, recipe: str) -> None:
-    size = inspect_module.signature(find(recipe)).parameters["size"].default
+    size = inspect_module.signature(find(recipe)).parameters["size"].default or size_for(folder)
     assert main(["data", "inspect", str(folder), "--for", recipe, "--json"]) == 0
     described = json.loads(capsys.readouterr().out)
     assert (

@@ -102,9 +102,9 @@ def test_each_sample_is_projected_several_times(tmp_path: Path, monkeypatch: pyt
     seen: list[tuple[Tensor, Tensor]] = []
     project = Panel.project
 
-    def noted(panel: Panel, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
+    def noted(panel: Panel, x: Tensor, views: Tensor, *others: Any) -> Tensor:
         seen.append((x.detach().clone(), views))
-        return project(panel, x, views, rng)
+        return project(panel, x, views, *others)
 
     monkeypatch.setattr(Panel, "project", noted)
     trained(tmp_path, views="known", batch=4, views_per_sample=2, steps=2)
@@ -122,7 +122,7 @@ def test_samples_are_projected_in_the_views_of_the_images_they_are_paired_with(
     heads: list[Tensor] = []
     reals: list[Tensor] = []
     project, batch, forward = Panel.project, Panel.batch, Discriminator.forward
-    monkeypatch.setattr(Panel, "project", lambda p, x, v, rng: (projected.append(v), project(p, x, v, rng))[1])
+    monkeypatch.setattr(Panel, "project", lambda p, x, v, *others: (projected.append(v), project(p, x, v, *others))[1])
     monkeypatch.setattr(Panel, "batch", lambda p, rows: (reals.append(rows), batch(p, rows))[1])
     monkeypatch.setattr(Discriminator, "forward", lambda d, y, h: (heads.append(h), forward(d, y, h))[1])
     recipe = toy(views=views, steps=1, loss="hinge", starts=())
@@ -149,8 +149,8 @@ def test_the_predictor_learns_the_views_its_images_were_projected_in(
         labelled.append(found(state, *arguments))
         return labelled[-1]
 
-    def watched(panel: Panel, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
-        images = project(panel, x, views, rng)
+    def watched(panel: Panel, x: Tensor, views: Tensor, *others: Any) -> Tensor:
+        images = project(panel, x, views, *others)
         projected.append((images.detach(), views))
         return images
 
