@@ -817,7 +817,7 @@ NETWORKS = (
     mutant(
         "generator: samples of a generator with a hull are not filled",
         "networks/generators.py",
-        "self._filled(x).cpu()",
+        "self._filled(x, times).cpu()",
         "x.cpu()",
         "networks/test_generators.py::test_samples_of_a_generator_with_a_hull_are_filled",
     ),
@@ -2224,8 +2224,8 @@ ANY_CLASS = (
     mutant(
         "latents: learned from the start",
         "assignment/learned_latents.py",
-        "if self.progress < one.begin:",
-        "if False:",
+        "if progress >= one.begin:",
+        "if True:",
         "training/test_learned_latents.py::test_until_they_begin_priors_draw",
     ),
     mutant(
@@ -2279,9 +2279,9 @@ ANY_CLASS = (
     ),
     mutant(
         "latents: hulls of tilted cameras",
-        "training/run.py",
-        "generator.hull if bool(",
-        "generator.hull if not bool(",
+        "training/state.py",
+        "mean.abs() + spread.exp() >= LEVEL",
+        "mean.abs() + spread.exp() < LEVEL",
         "training/test_learned_latents.py::test_hulls_are_sampled_of_level_cameras_only",
     ),
     mutant(

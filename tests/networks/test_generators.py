@@ -372,3 +372,12 @@ def test_sizes_that_are_no_multiple_are_refused(size: int) -> None:
 def test_other_generators_have_one_size(name: str) -> None:
     with pytest.raises(UserError, match="makes samples of one size; leave size out"):
         build(SMALL[name]).sample(1, size=32)
+
+
+def test_fog_is_as_opaque_at_every_size() -> None:
+    """Twice as fine voxels absorb half as much each."""
+    with seeded(0, "test"):
+        generator = LowRankGenerator(16, 6, 16, rank=3, bias=-4.3, hull=2.0)
+    coarse, fine = generator.sample(4, seed=1), generator.sample(4, seed=1, size=32)
+    assert coarse.mean() > 0.1
+    torch.testing.assert_close(fine.mean(), coarse.mean(), rtol=0.1, atol=0)

@@ -192,3 +192,18 @@ def test_descriptions_differ_by_size(tmp_path: Path) -> None:
         shapes(data=tmp_path / "x.npz", **SMALL, **size) for size in ({}, {"size": 64}, {"size": 32})
     )
     assert describe(chosen) == describe(same) != describe(other)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.npy"])
+def test_damaged_files_have_no_side_whatever_their_decoder_raises(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    save: Any = np.savez_compressed if name.endswith("z") else np.save
+    save(path, np.random.default_rng(0).random((4, 70, 70)))
+    whole, rng = path.read_bytes(), np.random.default_rng(1)
+    for _ in range(60):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, min(len(whole), 300), 4):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged)
+        found = side_of(path)
+        assert found is None or found > 0

@@ -13,7 +13,7 @@ from toy import jointly, toy, with_panel
 
 from unproject.assignment import LearnedLatent
 from unproject.domains import Domain
-from unproject.networks import LowRankGenerator
+from unproject.networks import Generator, LowRankGenerator
 from unproject.training import Recipe, load, resume, train
 from unproject.training.start import start_from
 from unproject.training.state import State
@@ -36,7 +36,7 @@ def test_training_moves_them(views: str, tmp_path: Path) -> None:
     recipe = jointly(toy(steps=4)) if views == "joint" else toy(steps=4, views=views)  # type: ignore[arg-type]
     run = train(tilted(recipe), tmp_path / "run", quiet=True)
     found = final(run.path)
-    assert found["panels/0/assignment/learned.elevation.mean"].item() != pytest.approx(0.2, abs=1e-6)
+    assert found["panels/0/assignment/learned.latents.elevation.mean"].item() != pytest.approx(0.2, abs=1e-6)
     mean, spread = stats(run.path)[-1]["elevation"]
     assert 0 < abs(mean - 0.2) < 0.02 and 0 < abs(spread - 0.1) < 0.02
 
@@ -75,13 +75,17 @@ def test_until_they_begin_priors_draw(tmp_path: Path) -> None:
 
 
 def test_another_run_gives_what_it_learned(tmp_path: Path) -> None:
-    recipe = tilted(toy(steps=4))
+    recipe = with_panel(toy(steps=4), learned=(replace(ELEVATION, begin=0.5),))
     old = train(recipe, tmp_path / "old", quiet=True).path
     state = State(recipe, torch.device("cpu"))
     noted = start_from(state, old)
     assert noted["panels"][0]["learned"] == ["elevation"]
-    key = "panels/0/assignment/learned.elevation.mean"
+    key = "panels/0/assignment/learned.latents.elevation.mean"
     assert torch.equal(state.tensors()[key], final(old)[key])
+    learned = state.panels[0].assignment.learned
+    assert learned is not None
+    learned.advance(0.0)
+    assert "elevation" in learned.draw(1, torch.Generator()), "a generator of tilted views does not begin level again"
     level = State(toy(steps=4), torch.device("cpu"))
     assert "learned" not in start_from(level, old)["panels"][0]
 
@@ -94,3 +98,14 @@ def test_hulls_are_sampled_of_level_cameras_only(elevation: float, hull: bool, t
     recipe = recipe.replace(generator=partial(LowRankGenerator, size=16, channels=8, rank=4, code_size=8, hull=True))
     run = train(recipe, tmp_path / "run", quiet=True)
     assert run.generator.hull is load(run.path).generator.hull is hull
+
+
+def test_hulls_are_sampled_until_elevations_begin_and_of_previews_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[bool | float] = []
+    monkeypatch.setattr(Generator, "sample", lambda generator, *_, **__: drawn.append(generator.hull))
+    recipe = with_panel(toy(steps=4, checkpoint_every=2), learned=(replace(ELEVATION, begin=0.6),))
+    recipe = recipe.replace(generator=partial(LowRankGenerator, size=16, channels=8, rank=4, code_size=8, hull=2.0))
+    run = train(recipe, tmp_path / "run", quiet=True)
+    assert drawn == [2.0, False] and run.generator.hull is False

@@ -63,6 +63,13 @@ def test_the_weights_are_those_of_the_other_run_and_all_else_is_new(old: Path) -
     assert noted["panels"] == [{"discriminator": True, "views": True}] and noted["step"] == 4
 
 
+def test_how_samples_are_drawn_may_differ(old: Path) -> None:
+    recipe = toy(steps=4, starts=STARTS)
+    generator = recipe.generator
+    assert isinstance(generator, partial)
+    started(recipe.replace(generator=partial(generator, hull=2.0)), old)
+
+
 def test_no_other_try_throws_the_weights_away(old: Path, tmp_path: Path) -> None:
     recipe = toy(steps=4, starts=STARTS).replace(tries=Tries(2, 0.25, least_steps=1))
     tried = [

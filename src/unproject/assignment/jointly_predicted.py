@@ -120,7 +120,7 @@ class JointlyPredictedState(PredictedState):
         return loss
 
     def update(self, average_gradients: Callable[[torch.nn.Module], None]) -> None:
-        average_gradients(self)
+        average_gradients(self.trained)
         self.online.step()
         self.online.zero_grad()
         with torch.no_grad():

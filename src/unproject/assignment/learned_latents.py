@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -29,8 +30,8 @@ class LearnedLatent:
         mean, spread: m and s at the start.
         low, high: limits of θ; what is below `low` is reflected there, what is above `high` becomes `high`.
         fixed_mean: learn s alone.
-        begin: the part of the budget from which on it is learned; until then priors draw it, or it is left out. What
-            latents of more effect hold is found first: elevations of any spread explain pictures of any width.
+        begin: the part of the budget from which on it is learned; until then priors draw it, unless it may be left out.
+            What latents of more effect hold is found first: elevations of any spread explain pictures of any width.
         negligible: if |m| + s falls below it, θ is 0 from then on; projections with θ = 0 may be faster.
         rate: Adam's learning rate of log s, and of m in units of `spread`, β = (0.5, 0.99).
 
@@ -55,9 +56,11 @@ class LearnedLatent:
 
     def __post_init__(self) -> None:
         sensible = self.spread > 0 and self.rate > 0 and self.low <= self.mean <= self.high
+        sensible = sensible and (self.negligible == 0 or self.low <= 0 <= self.high)
         if not (sensible and self.name.isidentifier() and 0 <= self.begin < 1):
             raise UserError(
-                f"{self}: give a name, a positive spread and rate, a mean between low and high, and a begin below 1"
+                f"{self}: give a name, a positive spread and rate, a mean between low and high, "
+                "a begin below 1, and no `negligible` where 0 is outside the limits"
             )
 
     def draw(self, m: Tensor, s: Tensor, n: int, rng: torch.Generator) -> Tensor:
@@ -74,37 +77,37 @@ class LearnedLatent:
 
 
 class LearnedLatents(nn.Module):
-    """The latents of one panel; the checkpoint holds `NAME.mean` and `NAME.log_spread` of each.
-
-    Attributes:
-        progress: the part of the budget that is spent.
-    """
-
-    progress: Tensor
+    """The latents of one panel; the checkpoint holds `NAME.mean`, `NAME.log_spread` and whether it has `begun`."""
 
     def __init__(self, settings: Sequence[LearnedLatent]) -> None:
         super().__init__()
         self.settings = tuple(settings)
-        groups = []
+        self.latents = nn.ModuleDict({one.name: _numbers(one) for one in self.settings})
+        groups: list[dict[str, Any]] = []
         for one in self.settings:
-            own = nn.ParameterDict({"mean": torch.tensor(one.mean), "log_spread": torch.tensor(math.log(one.spread))})
-            self.add_module(one.name, own)
-            groups.append({"params": [own["log_spread"]], "lr": one.rate})
-            if one.fixed_mean:
-                own["mean"].requires_grad_(False)
-            else:
-                groups.append({"params": [own["mean"]], "lr": one.rate * one.spread})
+            numbers = self._numbers(one)
+            groups.append({"params": [numbers["log_spread"]], "lr": one.rate})
+            if not one.fixed_mean:
+                groups.append({"params": [numbers["mean"]], "lr": one.rate * one.spread})
         self.adam = torch.optim.Adam(groups, betas=(0.5, 0.99))
-        self.register_buffer("progress", torch.tensor(0.0, dtype=torch.float64))
+
+    def _numbers(self, one: LearnedLatent) -> nn.ParameterDict:
+        numbers = self.latents[one.name]
+        assert isinstance(numbers, nn.ParameterDict)
+        return numbers
+
+    def advance(self, progress: float) -> None:
+        """Begin with those whose part of the budget is spent; what has begun in another run stays so."""
+        for one in self.settings:
+            if progress >= one.begin:
+                self._numbers(one)["begun"].data.fill_(1)
 
     def _own(self) -> Iterator[tuple[LearnedLatent, Tensor, Tensor]]:
         """Yield each latent that is learned by now, with its m and s."""
         for one in self.settings:
-            if self.progress < one.begin:
-                continue
-            own = self.get_submodule(one.name)
-            assert isinstance(own, nn.ParameterDict)
-            yield one, own["mean"], own["log_spread"].exp()
+            numbers = self._numbers(one)
+            if numbers["begun"]:
+                yield one, numbers["mean"], numbers["log_spread"].exp()
 
     def draw(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:
         """Return n draws of each latent that is learned by now: name → (n,)."""
@@ -119,3 +122,11 @@ class LearnedLatents(nn.Module):
     def log(self) -> dict[str, list[float]]:
         """Return (m, s) of each latent."""
         return {one.name: [round(m.item(), 4), round(s.item(), 4)] for one, m, s in self._own()}
+
+
+def _numbers(one: LearnedLatent) -> nn.ParameterDict:
+    """Return m, log s and 0, since it has not begun."""
+    numbers = nn.ParameterDict({"mean": torch.tensor(one.mean), "log_spread": torch.tensor(math.log(one.spread))})
+    numbers["mean"].requires_grad_(not one.fixed_mean)
+    numbers["begun"] = nn.Parameter(torch.tensor(0.0), requires_grad=False)
+    return numbers

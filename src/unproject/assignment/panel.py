@@ -74,10 +74,12 @@ class Panel:
             discriminator would memorise.
         held_out: images of all observations that the discriminator never trains on, to measure its overfitting by
             (`Collection.split`; `Adaptive`).
-        learned: latents whose distribution is learned along, the same for all observations; priors need not draw them.
+        learned: latents whose distribution is learned along, the same for all observations. Priors need not draw those
+            that the projection can do without.
 
     Raises:
-        UserError: if observations differ in their projections, collections in the shape of their items, or their
+        UserError: if a learned latent is none of the projection's, or named twice; if observations differ in their
+            projections, collections in the shape of their items, or their
             numbers do not match; for a weight or a scale that is not positive.
 
     Examples:
@@ -117,6 +119,15 @@ class Panel:
         held_out = () if self.held_out is None else (self.held_out,)
         if len({tuple(c.items.shape[1:]) for c in (*self.collections, *held_out)}) > 1:
             raise UserError(f"panel of {names}: its images differ in size; give each size a panel of its own")
+        object.__setattr__(self, "learned", tuple(self.learned))
+        taken, learned = (
+            {*self.projection.latents, *self.projection.optional_latents},
+            [one.name for one in self.learned],
+        )
+        if not taken.issuperset(learned) or len(set(learned)) < len(learned):
+            raise UserError(
+                f"panel of {names}: learned={learned}: give latents of the projection, {sorted(taken)}, once each"
+            )
         for name in ("weight", "penalty_scale"):
             if not 0 < getattr(self, name) < math.inf:
                 raise UserError(f"panel of {names}: {name}={getattr(self, name):g}: must be positive")

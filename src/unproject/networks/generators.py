@@ -55,9 +55,9 @@ class Generator(nn.Module, ABC):
         self.truncation = truncation
         self.hull = hull
 
-    def _filled(self, x: Tensor) -> Tensor:
-        """Return the hull of samples, if that is what is sampled."""
-        return visual_hull(x, density=None if self.hull is True else self.hull) if self.hull else x
+    def _filled(self, x: Tensor, times: float) -> Tensor:
+        """Return the hull of samples, if that is what is sampled; voxels are `times` as fine as the generator's own."""
+        return visual_hull(x, density=None if self.hull is True else self.hull / times) if self.hull else x
 
     @abstractmethod
     def forward(self, code: Tensor) -> Tensor:
@@ -92,6 +92,7 @@ class Generator(nn.Module, ABC):
             UserError: for a size that the generator cannot make.
         """
         make = self if size is None else partial(self.at_size, size=size)
+        times = 1.0 if size is None else size / getattr(self, "size", size)
         batch = batch if size is None else max(min(batch, FINE_VOXELS // max(size, 1) ** 3), 1)
         device = next(self.parameters()).device
         # Batches are always full: neither rounding nor batch statistics may depend on n.
@@ -100,7 +101,7 @@ class Generator(nn.Module, ABC):
         self.eval()
         try:
             parts = (make(part.to(device)).float() for part in codes.split(batch))
-            return torch.cat([self._filled(x).cpu() for x in parts])[:n]
+            return torch.cat([self._filled(x, times).cpu() for x in parts])[:n]
         finally:
             self.train(training)
 

@@ -90,9 +90,15 @@ class Distribution:
 
 
 def _join(device: torch.device) -> None:
-    atexit.register(dist.destroy_process_group)
+    atexit.register(_leave)
     if device.type == "cpu":
         dist.init_process_group("gloo")
         return
     torch.cuda.set_device(device)
     dist.init_process_group("cpu:gloo,cuda:nccl", device_id=device)
+
+
+def _leave() -> None:
+    """Leave the group when the process ends, unless it was not joined or somebody else has left it."""
+    if dist.is_initialized():
+        dist.destroy_process_group()

@@ -30,7 +30,7 @@ from torch.utils._pytree import tree_leaves
 
 from .._random import generator_at, seeded
 from .._types import UserError
-from ..assignment import Panel
+from ..assignment import LearnedLatents, Panel
 from .recipe import Recipe
 
 FEW, MORE = 2, 4
@@ -183,7 +183,11 @@ class Trial:
 
     def _projected(self, panel: Panel, discriminator: nn.Module, x: Tensor) -> Tensor:
         rng = generator_at(0, 0, "estimate")
-        return panel.project(x, torch.randint(len(panel.observations), (len(x),), generator=rng), rng)
+        views = torch.randint(len(panel.observations), (len(x),), generator=rng)
+        learned = LearnedLatents(panel.learned).to(x.device) if panel.learned else None
+        if learned is not None:
+            learned.advance(1.0)  # later steps take most
+        return panel.project(x, views, rng, learned)
 
     def _loss(self, panel: Panel, discriminator: nn.Module, x: Tensor) -> Tensor:
         """Return the discriminator's loss of real and generated images, with its penalty."""

@@ -12,7 +12,7 @@ from .origin import rebuild
 from .recipe import Recipe
 from .recorder import Recorder
 from .recovery import roll_back
-from .run import Run, keep_hull_if_level
+from .run import Run
 from .signals import stop_request
 from .start import start_from
 from .state import State
@@ -142,5 +142,4 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
     if distribution.leads:
         (out / run_directory.VERDICT).unlink(missing_ok=True)  # it was the verdict on fewer steps
     distribution.close()
-    keep_hull_if_level(state.average, state.tensors())
-    return Run(out, state.average, state.counters.step, state.domain, complete, recipe)
+    return Run(out, state.sampler(), state.counters.step, state.domain, complete, recipe)

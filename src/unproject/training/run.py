@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -28,11 +27,8 @@ from .evaluation import estimated_view_scores, sample_scores, self_checks
 from .origin import rebuild
 from .recipe import Recipe
 from .run_directory import read_origin, read_recipe
-from .state import begin_assignments, load_module
+from .state import begin_assignments, keep_hull_if_level, load_module
 from .verdict import Verdict, judge
-
-LEVEL = math.radians(6)
-"""Cameras count as level if the mean and the spread of their elevation are less together."""
 
 
 @dataclass(frozen=True)
@@ -201,14 +197,6 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = int(newest.stem.removeprefix("step-"))
     return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
-
-
-def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> None:
-    """Sample no hulls if a learned elevation is not level: cameras from above see concavities that those do not."""
-    for name, mean in tensors.items():
-        if name.endswith("/assignment/learned.elevation.mean"):
-            spread = tensors[name.removesuffix("mean") + "log_spread"].exp()
-            generator.hull = generator.hull if bool(mean.abs() + spread < LEVEL) else False
 
 
 def _require_memory_of(n: int, size: int) -> None:

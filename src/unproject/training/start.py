@@ -19,6 +19,9 @@ from .description import describe
 from .run_directory import read_recipe
 from .state import State, stripped
 
+OF_SAMPLES = ("hull", "truncation")
+"""Settings of generators that only say how samples are drawn from the weights."""
+
 
 def start_from(state: State, path: Path) -> dict[str, Any]:
     """Take over the weights of the newest checkpoint of the run at `path`; return what recipe.json says of it.
@@ -69,7 +72,8 @@ def differing_settings(theirs: Any, ours: Any) -> str:
         there = theirs.get("call") if isinstance(theirs, dict) else "unknown"
         return f"its generator is {there}, and this recipe's {ours.get('call')}"
     given = theirs.get("arguments", {})
-    names = [name for name, value in ours.get("arguments", {}).items() if name in given and given[name] != value]
+    ours_given = {k: v for k, v in ours.get("arguments", {}).items() if k not in OF_SAMPLES}
+    names = [name for name, value in ours_given.items() if name in given and given[name] != value]
     if not names:
         return ""
     there, here = (", ".join(f"{name}={part[name]}" for name in names) for part in (given, ours["arguments"]))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,8 @@ from ..domains import Domain, domain_of
 from ..networks import Generator
 from .recipe import Adam, Recipe
 
+LEVEL = math.radians(6)
+"""Cameras count as level if the mean and the spread of their elevation are less together."""
 KEPT = "kept/"
 """Prefix of the tensors of the best try."""
 
@@ -153,6 +156,13 @@ class State:
             for mean, new in zip(self.average.buffers(), self.generator.buffers(), strict=True):
                 mean.copy_(new)
 
+    def sampler(self) -> Generator:
+        """Return the averaged generator as samples are drawn from it: with hulls if cameras are level by now."""
+        self.average.hull = self.generator.hull
+        own = {f"{prefix}/{k}": v for prefix, module in self.modules() for k, v in module.state_dict().items()}
+        keep_hull_if_level(self.average, own)
+        return self.average
+
     def modules(self) -> Iterator[tuple[str, nn.Module]]:
         yield "generator", self.generator
         yield "average", self.average
@@ -200,6 +210,15 @@ class State:
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
         self.kept = {k.removeprefix(KEPT): v for k, v in tensors.items() if k.startswith(KEPT)}
+
+
+def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> None:
+    """Sample no hulls if a learned elevation is not level: cameras from above see concavities that those do not."""
+    for name, mean in tensors.items():
+        if name.endswith("/learned.latents.elevation.mean"):
+            spread, begun = (tensors[name.removesuffix("mean") + other] for other in ("log_spread", "begun"))
+            if bool(begun) and bool(mean.abs() + spread.exp() >= LEVEL):
+                generator.hull = False
 
 
 def begin_assignments(recipe: Recipe, seed: int | None = None) -> list[AssignmentState]:

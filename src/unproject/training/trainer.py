@@ -206,7 +206,7 @@ class Trainer:
         """Let each panel's assignment act; False if one was interrupted."""
         for index, panel in enumerate(self.state.panels):
             if panel.assignment.learned is not None:
-                panel.assignment.learned.progress.fill_(progress)
+                panel.assignment.learned.advance(progress)
             if not panel.assignment.before_step(TrainingContext(self, progress, index)):
                 self.saved_at = None
                 return False
@@ -242,7 +242,7 @@ class Trainer:
         check_finite(counters.step, tensors, self.distribution.agree)
         if self.distribution.leads:
             checkpoint.save(self.out / "checkpoints", counters.step, tensors)
-            samples = self.state.average.sample(self.state.domain.previewed, seed=0)
+            samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
             self.state.domain.write_preview(samples, self.out / "samples" / f"step-{counters.step:09d}.png")
         self.distribution.barrier()
         self.saved_at = counters.step

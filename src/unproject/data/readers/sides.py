@@ -37,8 +37,10 @@ def side_of(path: str | os.PathLike[str]) -> int | None:
     """
     path, _ = split_selector(Path(path))
     try:
-        return _of_folder(path) if path.is_dir() else _of_file(path)
-    except (OSError, ValueError, EOFError, IndexError, struct.error, zipfile.BadZipFile):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _of_folder(path) if path.is_dir() else _of_file(path)
+    except Exception:  # whatever decoders raise at damaged headers: zlib.error, tokenize.TokenError, RuntimeError, ...
         return None
 
 
