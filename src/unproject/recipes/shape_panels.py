@@ -105,8 +105,8 @@ def camera_of(
 ) -> tuple[LearnedLatent, ...]:
     """Return what is learned of the cameras of pictures whose view is unknown: nothing if they were rendered here.
 
-    Elevations are positive, since a silhouette from below is the flipped one from above and behind. Perspective and roll
-    are learned of cropped pictures: others are renderings.
+    Elevations are positive, since a silhouette from below is the flipped one from above and behind. Perspective and
+    roll are learned of cropped pictures: others are renderings.
     """
     if views in ("known", "direct") or bands is not None or is_rendered(collection):
         return ()
