@@ -29,10 +29,11 @@ from torch import Tensor
 
 from .._types import UserError
 from .context import Context
-from .panel import Panel, shared_collection
+from .panel import Panel
 from .predicted import Predicted, PredictedState
 from .responsibilities import uniform_views
 from .view_findings import information
+from .views import shared_collection
 
 TOLD = 0.55
 """Share of log K from which on information counts as whole: objects that are their own mirror images hold 0.75."""
@@ -76,7 +77,7 @@ class JointlyPredicted(Predicted):
             )
 
     def begin(self, panel: Panel, seed: int) -> JointlyPredictedState:
-        collection = shared_collection(panel, "JointlyPredicted")
+        collection = shared_collection(panel.collections, panel.observations, "JointlyPredicted")
         views = uniform_views(len(collection), len(panel.observations), seed)
         return JointlyPredictedState(panel, views, torch.zeros_like(views), self, seed)
 

@@ -23,8 +23,9 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
-from .panel import Assignment, AssignmentState, Panel, shared_collection
+from .panel import Assignment, AssignmentState, Panel
 from .responsibilities import uniform_views
+from .views import shared_collection
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class LearnedPrior(Assignment):
         return 1
 
     def begin(self, panel: Panel, seed: int) -> LearnedPriorState:
-        collection = shared_collection(panel, "LearnedPrior")
+        collection = shared_collection(panel.collections, panel.observations, "LearnedPrior")
         views = uniform_views(len(collection), len(panel.observations), seed)
         return LearnedPriorState(panel, views, torch.zeros_like(views), self)
 

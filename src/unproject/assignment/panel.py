@@ -306,14 +306,3 @@ class Known(Assignment):
         if panel.held_out is not None and len(panel.observations) > 1:
             state.held_out_heads.copy_(views_of(panel.held_out, panel.observations))
         return state
-
-
-def shared_collection(panel: Panel, kind: str) -> Collection:
-    """Return the one collection of a panel whose views are unknown.
-
-    Raises:
-        UserError: if there are several collections, or a single observation.
-    """
-    if len(panel.collections) != 1 or len(panel.observations) < 2:
-        raise UserError(f"{kind}: give the panel at least two observations and one collection for all of them")
-    return panel.collections[0]

@@ -24,10 +24,11 @@ from ..data import Collection
 from ..metrics import Finding, Score
 from ..projections.observation import Observation
 from .context import Context
-from .panel import Assignment, AssignmentState, Panel, shared_collection
+from .panel import Assignment, AssignmentState, Panel
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
 from .responsibilities import Estimator, uniform_views
 from .view_findings import are_found, entropy, information, view_findings
+from .views import shared_collection
 
 REPORT_EVERY, SAVE_EVERY = 20, 5000
 """Steps of a fit between two checks for a request to stop, and between two checkpoints."""
@@ -95,7 +96,7 @@ class Predicted(Assignment):
         return self.estimator.clusters or len(panel.observations)
 
     def begin(self, panel: Panel, seed: int) -> PredictedState:
-        collection = shared_collection(panel, "Predicted")
+        collection = shared_collection(panel.collections, panel.observations, "Predicted")
         views = uniform_views(len(collection), len(panel.observations), seed)
         return PredictedState(panel, views, torch.zeros_like(views), self, seed)
 

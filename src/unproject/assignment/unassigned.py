@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from .panel import Assignment, AssignmentState, Panel, shared_collection
+from .panel import Assignment, AssignmentState, Panel
+from .views import shared_collection
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,9 @@ class Unassigned(Assignment):
         return 1
 
     def begin(self, panel: Panel, seed: int) -> UnassignedState:
-        none = torch.zeros(len(shared_collection(panel, "Unassigned")), dtype=torch.long)
+        none = torch.zeros(
+            len(shared_collection(panel.collections, panel.observations, "Unassigned")), dtype=torch.long
+        )
         return UnassignedState(panel, none, none.clone())
 
 
