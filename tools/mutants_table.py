@@ -2257,6 +2257,13 @@ ANY_CLASS = (
         "adversarial/test_regularisers.py",
     ),
     mutant(
+        "latents: panels without any are described with them",
+        "training/description.py",
+        "value not in (None, ())",
+        "value is not None",
+        "training/test_learned_latents.py::test_a_panel_without_them_is_described_as_ever",
+    ),
+    mutant(
         "latents: no limits",
         "assignment/learned_latents.py",
         "values.clamp(max=self.high)",

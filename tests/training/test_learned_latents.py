@@ -15,6 +15,7 @@ from unproject.assignment import LearnedLatent
 from unproject.domains import Domain
 from unproject.networks import Generator, LowRankGenerator
 from unproject.training import Recipe, load, resume, train
+from unproject.training.description import describe
 from unproject.training.start import start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
@@ -29,6 +30,13 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def tilted(recipe: Recipe) -> Recipe:
     return with_panel(recipe, learned=(ELEVATION,))
+
+
+def test_a_panel_without_them_is_described_as_ever() -> None:
+    """Or runs of every other recipe could not be resumed."""
+    with_some, without = (describe(recipe.panels[0]) for recipe in (tilted(toy()), toy()))
+    assert len(with_some["learned"]) == 1 and "learned" not in without
+    assert not any("learned" in name for name in State(toy(), torch.device("cpu")).tensors())
 
 
 @pytest.mark.parametrize("views", ["predicted", "single", "learned", "joint"])

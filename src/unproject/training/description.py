@@ -46,7 +46,7 @@ def describe(value: Any) -> Any:
 
 def _shown(rule: bool | str, value: Any) -> bool:
     """Whether a field is described: always, never, or "if given"; recipes without it are described as before it was."""
-    return value is not None if rule == "if given" else bool(rule)
+    return value not in (None, ()) if rule == "if given" else bool(rule)
 
 
 def _call(function: Any, keywords: Mapping[str, Any], positional: tuple[Any, ...]) -> dict[str, Any]:
