@@ -2182,7 +2182,7 @@ ANY_CLASS = (
     mutant(
         "joint: views are balanced whatever pictures tell",
         "assignment/jointly_predicted.py",
-        "balance = estimator.balance * max(LEAST_BALANCE, 1 - told)",
+        "balance = estimator.balance * max(LEAST_BALANCE, 1 - known)",
         "balance = estimator.balance",
         "assignment/test_jointly_predicted.py",
     ),
@@ -2196,8 +2196,8 @@ ANY_CLASS = (
     mutant(
         "joint: nothing is left of the balance",
         "assignment/jointly_predicted.py",
-        "max(LEAST_BALANCE, 1 - told)",
-        "(1 - told)",
+        "max(LEAST_BALANCE, 1 - known)",
+        "(1 - known)",
         "assignment/test_jointly_predicted.py",
     ),
     mutant(

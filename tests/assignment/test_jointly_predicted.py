@@ -16,7 +16,7 @@ from torch import Tensor
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.assignment import Estimator, JointlyPredicted, JointlyPredictedState, Panel, PredictorFit, Rounds
-from unproject.assignment.jointly_predicted import AVERAGED, LEAST_BALANCE, MEMORY, TOLD
+from unproject.assignment.jointly_predicted import AVERAGED, COMPLETE, LEAST_BALANCE, MEMORY
 from unproject.assignment.predicted import information
 from unproject.data import Collection
 from unproject.networks import ViewPredictor
@@ -223,7 +223,7 @@ def test_a_little_of_the_balance_is_always_left() -> None:
     state._probabilities = lambda: p / p.sum(1, keepdim=True)  # pyright: ignore[reportPrivateUsage]
     found = state._responsibilities().mean(0)  # pyright: ignore[reportPrivateUsage]
     own = (p / p.sum(1, keepdim=True)).mean(0)
-    told = min(1.0, state.of_data.item() / (TOLD * math.log(BINS)))
-    wanted = own ** (1 - max(LEAST_BALANCE, 1 - told))
-    assert 1 - told < LEAST_BALANCE
+    known = min(1.0, state.of_data.item() / (COMPLETE * math.log(BINS)))
+    wanted = own ** (1 - max(LEAST_BALANCE, 1 - known))
+    assert 1 - known < LEAST_BALANCE
     torch.testing.assert_close(found, wanted / wanted.sum(), atol=2e-3, rtol=0)

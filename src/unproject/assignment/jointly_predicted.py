@@ -35,10 +35,10 @@ from .responsibilities import uniform_views
 from .view_findings import information
 from .views import shared_collection
 
-TOLD = 0.55
-"""Share of log K from which on information counts as whole: objects that are their own mirror images hold 0.75."""
+COMPLETE = 0.55
+"""Share of log K from which on information counts as complete: objects that are their own mirror images hold 0.75."""
 LEAST_BALANCE = 0.25
-"""Share of the balance that is left when all is told. Without any, shares of views that look alike drift apart."""
+"""Share of the balance at complete information. Without any, shares of views that look alike drift apart."""
 MEMORY, AVERAGED = 0.02, 0.05
 """Shares of the newest step in the moving averages of the cross entropy and of the predictor."""
 
@@ -144,8 +144,8 @@ class JointlyPredictedState(PredictedState):
         """Return responsibilities balanced the less, the more of the views the pictures tell."""
         p, estimator = self._probabilities(), self.settings.estimator
         self.of_data.fill_(information(p))
-        told = min(1.0, float(self.of_data) / (TOLD * math.log(p.shape[1])))
-        balance = estimator.balance * max(LEAST_BALANCE, 1 - told)
+        known = min(1.0, float(self.of_data) / (COMPLETE * math.log(p.shape[1])))
+        balance = estimator.balance * max(LEAST_BALANCE, 1 - known)
         return replace(estimator, balance=balance).responsibilities(p)
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:

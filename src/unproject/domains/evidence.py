@@ -88,8 +88,8 @@ def label_finding(distance: Tensor, seen: Evidence, seed: int) -> list[Finding]:
         return []
     ratio = nearest(distance[rows], own[rows]) / max(nearest(distance[rows], other[rows]), 1e-6)
     how = "mean distance of held-out pictures to the nearest generated one in their view, over that in another's view"
-    told = ratio < LABELS[0]
-    says = "known views fit the pictures" if told else f"known views tell little of the pictures (ratio {ratio:.2f})"
+    fit = ratio < LABELS[0]
+    says = "known views fit the pictures" if fit else f"known views tell little of the pictures (ratio {ratio:.2f})"
     advice = "check the angles of views.csv; objects that look alike from all sides are fine"
     return [Finding("labels", Score(ratio, how, int(rows.sum()), seed), *LABELS, says, advice)]
 

@@ -74,15 +74,15 @@ class Volumes(Domain):
     def checks(self, x: Tensor, seed: int = 0) -> dict[str, Score]:
         solid = x.flatten(1).amax(1) > 0.5
         pieces = torch.tensor([count_pieces(volume) for volume in x[solid].numpy()]).float()
-        n, told = len(x), int(solid.sum())
-        distance = one_minus_iou(x[solid], x[solid]) if told > 1 else torch.zeros(1, 1)
-        off = distance.sum().item() / max(told * (told - 1), 1)
-        empty = 1 - told / n
-        whole = (pieces == 1).float().mean().item() if told else 0.0
+        n, filled = len(x), int(solid.sum())
+        distance = one_minus_iou(x[solid], x[solid]) if filled > 1 else torch.zeros(1, 1)
+        off = distance.sum().item() / max(filled * (filled - 1), 1)
+        empty = 1 - filled / n
+        whole = (pieces == 1).float().mean().item() if filled else 0.0
         return {
-            "diversity": Score(off, "mean 1-iou of two samples at 0.5, empty ones left out", told, seed),
+            "diversity": Score(off, "mean 1-iou of two samples at 0.5, empty ones left out", filled, seed),
             "in_one_piece": Score(
-                whole, f"share of volumes whose parts of over {CRUMB:.0%} of the largest are one, at 0.5", told, seed
+                whole, f"share of volumes whose parts of over {CRUMB:.0%} of the largest are one, at 0.5", filled, seed
             ),
             "empty": Score(empty, "share of volumes with nothing above 0.5", n, seed),
         }
