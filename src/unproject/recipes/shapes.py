@@ -93,11 +93,10 @@ def shapes(
         connected: weight of the preference for shapes in one piece.
         information: weight of the preference for shapes whose views can be predicted (`JointlyPredicted`).
         rounds: how often views are predicted anew, evenly over the budget.
-        balance: how far the distribution of predicted views is moved to the uniform one, 0 to 1; lower it if most of
-            your pictures were taken from one side.
+        balance: how far the distribution of predicted views is moved to the uniform one, 0 to 1, while pictures hold no
+            information of their views; the more they hold, the less, down to a quarter of it.
         init_views: initialise predicted views by those of one mean shape, fitted to all silhouettes, instead of random
-            ones. It helps for elongated shapes such as cars, whose views may otherwise never be found, and costs a few
-            per cent for others such as chairs (docs/results.md).
+            ones, as some arms of the figures do (docs/reproduction.md).
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
         mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
