@@ -824,8 +824,8 @@ NETWORKS = (
     mutant(
         "generator: low-rank products are not scaled by the rank",
         "networks/low_rank.py",
-        "self.scale = rank**-0.5",
-        "self.scale = 1.0",
+        "self.scale = 2 * rank**-0.5",
+        "self.scale = 2.0",
         "networks/test_generators.py::test_the_low_rank_formula",
     ),
     mutant(
@@ -2348,7 +2348,7 @@ SIZES = (
         "ops/refinement.py",
         "return (t - 2 * t**2 + t**3) / 2, (t + 3 * t**2 - 2 * t**3) / 2, (t**3 - t**2) / 2",
         "return t / 2 * (1 - t / 2), t * (1 + t) / 2 - t**2 / 2, t**2 / 4",
-        "networks/test_generators.py::test_finer_logits_average_to_the_logits",
+        "networks/test_generators.py::test_finer_sums_average_to_the_sums",
     ),
     mutant(
         "refinement: what lies beyond an end is taken from the other",
@@ -2356,6 +2356,20 @@ SIZES = (
         "(place - 1).clamp(min=0)",
         "(place - 1) % count",
         "ops/test_refinement.py::test_what_is_reflected_at_an_end_is_refined_as_its_half",
+    ),
+    mutant(
+        "generator: logits have no limit",
+        "networks/low_rank.py",
+        "t * torch.rsqrt(1 + (t / self.limit).square())",
+        "t",
+        "networks/test_generators.py::test_volumes_have_a_gradient_however_large_their_factors_are",
+    ),
+    mutant(
+        "generator: planes and lines have no limit",
+        "networks/low_rank.py",
+        "factor * torch.rsqrt(1 + norm.square() / factor.shape[1])",
+        "factor",
+        "networks/test_generators.py::test_volumes_have_a_gradient_however_large_their_factors_are",
     ),
     mutant(
         "generator: finer samples repeat voxels",
@@ -2368,9 +2382,9 @@ SIZES = (
     mutant(
         "generator: lines are not refined with the planes",
         "networks/low_rank.py",
-        "(refined(line(hidden), times, -1) for line",
-        "(line(hidden).repeat_interleave(times, -1).roll(1, -1) for line",
-        "networks/test_generators.py::test_finer_logits_average_to_the_logits",
+        "(refined(bounded(line(hidden)), times, -1) for line",
+        "(bounded(line(hidden)).repeat_interleave(times, -1).roll(1, -1) for line",
+        "networks/test_generators.py::test_finer_sums_average_to_the_sums",
     ),
     mutant(
         "generator: finer samples are not reflected exactly",

@@ -16,15 +16,19 @@ from .generators import Generator, reflect
 class LowRankGenerator(Generator):
     """Volumes as sums of plane × line products, for CPUs and for large volumes.
 
-    logit[x, y, z] = b + r^-½ Σ_r (P_xy[r] L_z[r] + P_yz[r] L_x[r] + P_xz[r] L_y[r]) and p = sigmoid(logit).
+    t[x, y, z] = b + 2 r^-½ Σ_r (P_xy[r] L_z[r] + P_yz[r] L_x[r] + P_xz[r] L_y[r]) and p = sigmoid(t / √(1 + (t / c)²)).
     Planes come from 2-D and lines from 1-D convolutions, so the cost grows with size² rather than size³. All upsampling
     is smooth: transposed convolutions leave a checkerboard in the factors, which makes volumes striped inside while
     their silhouettes are right.
 
+    At each place planes and lines are divided by √(1 + mean_r v²), so that |t - b| is at most 6 √r, and logits are at
+    most c. Otherwise they grow without end, to some ten thousand: where sigmoid has no gradient, a part that is missing
+    stays missing, and thin things vanish.
+
     `sample(size=...)` takes a multiple of the size: planes and lines are refined (`ops.refined`), then multiplied.
-    Averages of planes and lines are kept, and with them those of the logits, since each product has its plane and its
-    line along different axes. Probabilities, over the fine voxels of a coarse one, then average to p within 0.0482
-    times the variance of their logits (half the largest |σ''|, 1 / 12√3).
+    Averages of planes and lines are kept, and with them those of t, since each product has its plane and its line along
+    different axes. Probabilities, over the fine voxels of a coarse one, then average to p within 0.049 times the
+    variance of t (half the largest |p''| for c = 10).
 
     Args:
         size: side of the volume, 4·2^k.
@@ -35,6 +39,7 @@ class LowRankGenerator(Generator):
             with z < 0 ("z").
         bias: initial b; negative, so that training starts from nearly transparent volumes: in opaque ones every ray is
             saturated and has no gradient.
+        limit: c.
         truncation, hull: see `Generator`.
 
     References:
@@ -48,6 +53,7 @@ class LowRankGenerator(Generator):
     """
 
     domain = "volumes"
+    limit: Tensor
 
     def __init__(
         self,
@@ -57,6 +63,7 @@ class LowRankGenerator(Generator):
         rank: int = 32,
         mirror: bool | Literal["x", "z"] = False,
         bias: float = -5.0,
+        limit: float = 10.0,
         truncation: float | None = None,
         hull: bool | float = False,
     ) -> None:
@@ -65,8 +72,10 @@ class LowRankGenerator(Generator):
         if mirror not in (False, True, "x", "z"):
             raise UserError(f"LowRankGenerator(mirror={mirror!r}): give False, True, 'x' or 'z'")
         self.mirror: str = "x" if mirror is True else mirror or ""
+        if not limit > 0:
+            raise UserError(f"LowRankGenerator(limit={limit:g}): must be positive")
         self.size = size
-        self.scale = rank**-0.5
+        self.scale = 2 * rank**-0.5
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
@@ -76,13 +85,20 @@ class LowRankGenerator(Generator):
         self.planes = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in planes])
         self.lines = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in lines])
         self.bias = nn.Parameter(torch.tensor(float(bias)))
+        # Stored, so that weights of other limits, or of before there were any, are refused rather than misread.
+        self.register_buffer("limit", torch.tensor(float(limit)))
 
     def logits(self, code: Tensor, times: int = 1) -> Tensor:
         """Return the logits of occupancy, (B, X, Y, Z), or of one half with `mirror`, on a grid `times` as fine."""
+        t = self.sums(code, times)
+        return t * torch.rsqrt(1 + (t / self.limit).square())
+
+    def sums(self, code: Tensor, times: int = 1) -> Tensor:
+        """Return t, from which the logits come."""
         hidden = self.mapping(code)
         # Beyond its last cell a half is constant, which is its mirror image there: it is refined as the whole would be.
-        xz, zy, xy = (refined(refined(plane(hidden), times, -1), times, -2) for plane in self.planes)
-        along_y, along_x, along_z = (refined(line(hidden), times, -1) for line in self.lines)
+        xz, zy, xy = (refined(refined(bounded(plane(hidden)), times, -1), times, -2) for plane in self.planes)
+        along_y, along_x, along_z = (refined(bounded(line(hidden)), times, -1) for line in self.lines)
         # Summed as (B, X, Z, Y): silhouettes at elevation 0 read columns, which are contiguous then.
         total = torch.bmm(xz.flatten(2).transpose(1, 2), along_y).unflatten(1, xz.shape[2:])
         total = total + torch.bmm(along_x.transpose(1, 2), zy.flatten(2)).unflatten(2, zy.shape[2:])
@@ -98,3 +114,9 @@ class LowRankGenerator(Generator):
             raise UserError(f"size {size}: choose {self.size}, or a multiple of it such as {2 * self.size}")
         x = torch.sigmoid(self.logits(code, size // self.size))
         return reflect(x, "xyz".index(self.mirror) + 1) if self.mirror else x
+
+
+def bounded(factor: Tensor) -> Tensor:
+    """Return v / √(1 + mean v²), the mean over the products (axis 1): small ones stay, large ones keep a gradient."""
+    norm = torch.linalg.vector_norm(factor, dim=1, keepdim=True)
+    return factor * torch.rsqrt(1 + norm.square() / factor.shape[1])

@@ -193,7 +193,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     try:
         generator.load_state_dict({name.removeprefix("average/"): v for name, v in tensors.items()})
     except RuntimeError as error:
-        raise UserError(f"{newest}: the weights do not fit recipe.json; they belong to another run") from error
+        raise UserError(f"{newest}: the weights do not fit recipe.json: another run's or version's") from error
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = int(newest.stem.removeprefix("step-"))
     return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)

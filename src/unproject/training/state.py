@@ -232,7 +232,7 @@ def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> N
     """Load what is stored under `prefix`. Raises UserError if names or shapes are not the module's."""
     own = stripped(tensors, prefix)
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
-        raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it belongs to another run")
+        raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it is of another run or another version")
     module.load_state_dict(own)
 
 
