@@ -2358,6 +2358,13 @@ SIZES = (
         "ops/test_refinement.py::test_what_is_reflected_at_an_end_is_refined_as_its_half",
     ),
     mutant(
+        "hull: mist is cast back as it is seen",
+        "ops/hull.py",
+        "torch.where(hull < 0.5, 4 * hull**3, hull)",
+        "hull",
+        "ops/test_hull.py::test_mist_stays_mist",
+    ),
+    mutant(
         "generator: logits have no limit",
         "networks/low_rank.py",
         "t * torch.rsqrt(1 + (t / self.limit).square())",

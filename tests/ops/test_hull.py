@@ -68,6 +68,16 @@ def test_fog_becomes_the_body_that_it_looks_like() -> None:
     assert ((hull > 0.5) & (box == 0)).sum() < 0.05 * box.sum()
 
 
+def test_mist_stays_mist() -> None:
+    """Each ray of it absorbs 2 %; a hull of which each voxel did so would look like a body."""
+    x = torch.full((1, 32, 32, 32), 3e-4)
+    x[:, 8:24, 8:24, 8:24] = 1
+    hull = visual_hull(x, density=2.0)
+    seen = -torch.expm1(-2.0 * hull.sum(3))
+    assert seen[:, 8:24, 8:24].min() > 0.99 and seen[:, :, :6].max() < 0.05
+    assert ((hull > 0.5) == (x > 0.5)).float().mean() > 0.99
+
+
 @settings(deadline=None, max_examples=10)
 @given(st.integers(0, 1000), st.floats(0.5, 4.0))
 def test_by_absorption_it_is_larger_and_grows_with_the_density(seed: int, density: float) -> None:

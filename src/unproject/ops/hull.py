@@ -6,7 +6,8 @@ with orthographic views k at elevation 0, u_k = x cos a_k - z sin a_k and column
 maxima and minima, it commutes with thresholding. On the grid H >= v and hull(H) = H exactly.
 
 A soft volume may look opaque where no voxel is half full. With a density d the silhouettes are those of absorption,
-S_k = 1 - exp(-d Σ v) over the same voxels, and H is at least v: fog becomes the body that it looks like.
+S_k = 1 - exp(-d Σ v) over the same voxels, and H = max(v, f(min_k S_k)): what looks opaque becomes a body, and mist stays
+mist. f(s) is s from ½ on and 4 s³ below: a ray of 64 voxels that absorbs 2 % would absorb 92 % (d = 2) if each of them did.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def visual_hull(volume: Tensor, views: int = 16, density: float | None = None) -
     for k in range(views):
         columns = _columns(volume, math.pi * k / views)
         hull = torch.minimum(hull, _cast_back(volume, columns, density))
-    return hull if density is None else torch.maximum(hull, volume)
+    return hull if density is None else torch.maximum(volume, torch.where(hull < 0.5, 4 * hull**3, hull))
 
 
 def _columns(volume: Tensor, azimuth: float) -> Tensor:
