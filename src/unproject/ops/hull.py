@@ -6,8 +6,8 @@ with orthographic views k at elevation 0, u_k = x cos a_k - z sin a_k and column
 maxima and minima, it commutes with thresholding. On the grid H >= v and hull(H) = H exactly.
 
 A soft volume may look opaque where no voxel is half full. With a density d the silhouettes are those of absorption,
-S_k = 1 - exp(-d Σ v) over the same voxels, and H = max(v, f(min_k S_k)): what looks opaque becomes a body, and mist stays
-mist. f(s) is s from ½ on and 4 s³ below: a ray of 64 voxels that absorbs 2 % would absorb 92 % (d = 2) if each of them did.
+S_k = 1 - exp(-d Σ v) over the same voxels, and H = max(v, f(min_k S_k)): what looks opaque becomes a body, mist stays
+mist. f(s) is s from ½ on and 4 s³ below: a ray of 64 voxels that absorbs 2 % would absorb 92 % (d = 2) if each did.
 """
 
 from __future__ import annotations
