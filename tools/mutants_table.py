@@ -824,8 +824,8 @@ NETWORKS = (
     mutant(
         "generator: low-rank products are not scaled by the rank",
         "networks/low_rank.py",
-        "self.scale = 2 * rank**-0.5",
-        "self.scale = 2.0",
+        "self.scale = rank**-0.5",
+        "self.scale = 1.0",
         "networks/test_generators.py::test_the_low_rank_formula",
     ),
     mutant(
@@ -2367,16 +2367,37 @@ SIZES = (
     mutant(
         "generator: logits have no limit",
         "networks/low_rank.py",
-        "t * torch.rsqrt(1 + (t / self.limit).square())",
-        "t",
-        "networks/test_generators.py::test_volumes_have_a_gradient_however_large_their_factors_are",
+        "limited(pulled(self.sums(code, times), self.farthest, PULL), self.limit)",
+        "pulled(self.sums(code, times), self.farthest, PULL)",
+        "networks/test_generators.py::test_volumes_that_vanished_have_a_gradient_that_brings_them_back",
     ),
     mutant(
-        "generator: planes and lines have no limit",
+        "generator: logits far out are not pulled back",
         "networks/low_rank.py",
-        "factor * torch.rsqrt(1 + norm.square() / factor.shape[1])",
-        "factor",
-        "networks/test_generators.py::test_volumes_have_a_gradient_however_large_their_factors_are",
+        "limited(pulled(self.sums(code, times), self.farthest, PULL), self.limit)",
+        "limited(self.sums(code, times), self.limit)",
+        "networks/test_generators.py::test_volumes_that_vanished_have_a_gradient_that_brings_them_back",
+    ),
+    mutant(
+        "limits: the derivative falls exponentially",
+        "ops/limits.py",
+        "t * torch.rsqrt(1 + (t / limit).square())",
+        "limit * torch.tanh(t / limit)",
+        "ops/test_limits.py::test_limited_has_a_gradient_far_out",
+    ),
+    mutant(
+        "limits: what is within the limit is pulled too",
+        "ops/limits.py",
+        "t - t.clamp(-ctx.limit, ctx.limit)",
+        "t",
+        "ops/test_limits.py::test_pulled_has_the_gradient_of_the_penalised_loss",
+    ),
+    mutant(
+        "limits: the pull is that of the sum",
+        "ops/limits.py",
+        "2 * ctx.weight / t.numel() * beyond",
+        "2 * ctx.weight * beyond",
+        "ops/test_limits.py::test_pulled_has_the_gradient_of_the_penalised_loss",
     ),
     mutant(
         "generator: finer samples repeat voxels",
@@ -2389,8 +2410,8 @@ SIZES = (
     mutant(
         "generator: lines are not refined with the planes",
         "networks/low_rank.py",
-        "(refined(bounded(line(hidden)), times, -1) for line",
-        "(bounded(line(hidden)).repeat_interleave(times, -1).roll(1, -1) for line",
+        "(refined(line(hidden), times, -1) for line",
+        "(line(hidden).repeat_interleave(times, -1).roll(1, -1) for line",
         "networks/test_generators.py::test_finer_sums_average_to_the_sums",
     ),
     mutant(

@@ -8,22 +8,26 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
+from ..ops.limits import limited, pulled
 from ..ops.refinement import refined
 from .blocks import SmoothUpsampling, upsampling_levels
 from .generators import Generator, reflect
+
+FARTHEST, PULL = 3.0, 0.01
+"""Where t is pulled back, over c, and the weight."""
 
 
 class LowRankGenerator(Generator):
     """Volumes as sums of plane × line products, for CPUs and for large volumes.
 
-    t[x, y, z] = b + 2 r^-½ Σ_r (P_xy[r] L_z[r] + P_yz[r] L_x[r] + P_xz[r] L_y[r]) and p = sigmoid(t / √(1 + (t / c)²)).
+    t[x, y, z] = b + r^-½ Σ_r (P_xy[r] L_z[r] + P_yz[r] L_x[r] + P_xz[r] L_y[r]) and p = sigmoid(t / √(1 + (t / c)²)).
     Planes come from 2-D and lines from 1-D convolutions, so the cost grows with size² rather than size³. All upsampling
     is smooth: transposed convolutions leave a checkerboard in the factors, which makes volumes striped inside while
     their silhouettes are right.
 
-    At each place planes and lines are divided by √(1 + mean_r v²), so that |t - b| is at most 6 √r, and logits are at
-    most c. Otherwise they grow without end, to some ten thousand: where sigmoid has no gradient, a part that is missing
-    stays missing, and thin things vanish.
+    Logits are within ±c, and the gradient holds that of 0.01 E max(|t| - 3 c, 0)² as well (`ops.pulled`). Otherwise t
+    grows without end, to some ten thousand: where a sigmoid has no gradient, a part that is missing stays missing, and
+    volumes may become empty for good.
 
     `sample(size=...)` takes a multiple of the size: planes and lines are refined (`ops.refined`), then multiplied.
     Averages of planes and lines are kept, and with them those of t, since each product has its plane and its line along
@@ -75,7 +79,7 @@ class LowRankGenerator(Generator):
         if not limit > 0:
             raise UserError(f"LowRankGenerator(limit={limit:g}): must be positive")
         self.size = size
-        self.scale = 2 * rank**-0.5
+        self.scale = rank**-0.5
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
@@ -85,20 +89,20 @@ class LowRankGenerator(Generator):
         self.planes = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in planes])
         self.lines = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in lines])
         self.bias = nn.Parameter(torch.tensor(float(bias)))
+        self.farthest = FARTHEST * limit
         # Stored, so that weights of other limits, or of before there were any, are refused rather than misread.
         self.register_buffer("limit", torch.tensor(float(limit)))
 
     def logits(self, code: Tensor, times: int = 1) -> Tensor:
         """Return the logits of occupancy, (B, X, Y, Z), or of one half with `mirror`, on a grid `times` as fine."""
-        t = self.sums(code, times)
-        return t * torch.rsqrt(1 + (t / self.limit).square())
+        return limited(pulled(self.sums(code, times), self.farthest, PULL), self.limit)
 
     def sums(self, code: Tensor, times: int = 1) -> Tensor:
         """Return t, from which the logits come."""
         hidden = self.mapping(code)
         # Beyond its last cell a half is constant, which is its mirror image there: it is refined as the whole would be.
-        xz, zy, xy = (refined(refined(bounded(plane(hidden)), times, -1), times, -2) for plane in self.planes)
-        along_y, along_x, along_z = (refined(bounded(line(hidden)), times, -1) for line in self.lines)
+        xz, zy, xy = (refined(refined(plane(hidden), times, -1), times, -2) for plane in self.planes)
+        along_y, along_x, along_z = (refined(line(hidden), times, -1) for line in self.lines)
         # Summed as (B, X, Z, Y): silhouettes at elevation 0 read columns, which are contiguous then.
         total = torch.bmm(xz.flatten(2).transpose(1, 2), along_y).unflatten(1, xz.shape[2:])
         total = total + torch.bmm(along_x.transpose(1, 2), zy.flatten(2)).unflatten(2, zy.shape[2:])
@@ -114,9 +118,3 @@ class LowRankGenerator(Generator):
             raise UserError(f"size {size}: choose {self.size}, or a multiple of it such as {2 * self.size}")
         x = torch.sigmoid(self.logits(code, size // self.size))
         return reflect(x, "xyz".index(self.mirror) + 1) if self.mirror else x
-
-
-def bounded(factor: Tensor) -> Tensor:
-    """Return v / √(1 + mean v²), the mean over the products (axis 1): small ones stay, large ones keep a gradient."""
-    norm = torch.linalg.vector_norm(factor, dim=1, keepdim=True)
-    return factor * torch.rsqrt(1 + norm.square() / factor.shape[1])

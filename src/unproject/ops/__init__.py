@@ -1,9 +1,10 @@
-"""Differentiable tensor operations: rotation, resampling, line integrals, occupancy along rays, visual hulls, parts."""
+"""Tensor operations: rotation, resampling, line integrals, occupancy along rays, hulls, parts, limit."""
 
 from __future__ import annotations
 
 from .framing import bounding_box, common_fill, common_height, framed, unit_sized
 from .hull import visual_hull
+from .limits import limited, pulled
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .parts import floating_parts, largest_part
@@ -23,9 +24,11 @@ __all__ = [
     "floating_parts",
     "framed",
     "largest_part",
+    "limited",
     "orthographic_rays",
     "perspective_rays",
     "pinhole_rays",
+    "pulled",
     "quarter_turn",
     "ray_points",
     "refined",
