@@ -2367,14 +2367,14 @@ SIZES = (
     mutant(
         "generator: logits have no limit",
         "networks/low_rank.py",
-        "limited(pulled(self.sums(code, times), self.farthest, PULL), self.limit)",
-        "pulled(self.sums(code, times), self.farthest, PULL)",
+        "limited(pulled(self.sums(code, times), FARTHEST * self.limit, PULL), self.limit)",
+        "pulled(self.sums(code, times), FARTHEST * self.limit, PULL)",
         "networks/test_generators.py::test_volumes_that_vanished_have_a_gradient_that_brings_them_back",
     ),
     mutant(
         "generator: logits far out are not pulled back",
         "networks/low_rank.py",
-        "limited(pulled(self.sums(code, times), self.farthest, PULL), self.limit)",
+        "limited(pulled(self.sums(code, times), FARTHEST * self.limit, PULL), self.limit)",
         "limited(self.sums(code, times), self.limit)",
         "networks/test_generators.py::test_volumes_that_vanished_have_a_gradient_that_brings_them_back",
     ),

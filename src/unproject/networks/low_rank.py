@@ -89,13 +89,12 @@ class LowRankGenerator(Generator):
         self.planes = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in planes])
         self.lines = nn.ModuleList([SmoothUpsampling(hidden, channels, rank, shape, levels) for shape in lines])
         self.bias = nn.Parameter(torch.tensor(float(bias)))
-        self.farthest = FARTHEST * limit
-        # Stored, so that weights of other limits, or of before there were any, are refused rather than misread.
+        # Stored: weights keep their limit, and those of before there was one are refused rather than misread.
         self.register_buffer("limit", torch.tensor(float(limit)))
 
     def logits(self, code: Tensor, times: int = 1) -> Tensor:
         """Return the logits of occupancy, (B, X, Y, Z), or of one half with `mirror`, on a grid `times` as fine."""
-        return limited(pulled(self.sums(code, times), self.farthest, PULL), self.limit)
+        return limited(pulled(self.sums(code, times), FARTHEST * self.limit, PULL), self.limit)
 
     def sums(self, code: Tensor, times: int = 1) -> Tensor:
         """Return t, from which the logits come."""

@@ -19,7 +19,7 @@ def limited(t: Tensor, limit: float | Tensor) -> Tensor:
     return t * torch.rsqrt(1 + (t / limit).square())
 
 
-def pulled(t: Tensor, limit: float, weight: float) -> Tensor:
+def pulled(t: Tensor, limit: float | Tensor, weight: float) -> Tensor:
     """Return t; its gradient is that of the loss plus weight · mean max(|t| - limit, 0)².
 
     The term belongs to what makes t, and so needs no place in the loss of whoever trains it.
@@ -37,7 +37,7 @@ def pulled(t: Tensor, limit: float, weight: float) -> Tensor:
 
 class _Pulled(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, t: Tensor, limit: float, weight: float) -> Tensor:
+    def forward(ctx: Any, t: Tensor, limit: float | Tensor, weight: float) -> Tensor:
         ctx.save_for_backward(t)
         ctx.limit, ctx.weight = limit, weight
         return t.view_as(t)
