@@ -2124,6 +2124,41 @@ PHOTOGRAPHS = (
 
 ANY_CLASS = (
     mutant(
+        "outlines: the lower one does not count",
+        "ops/outlines.py",
+        "(silhouettes[:, 0], silhouettes[:, 0].flip(1))",
+        "(silhouettes[:, 0],)",
+        "ops/test_outlines.py::test_edges_between_pixels_are_where_coverage_tells",
+    ),
+    mutant(
+        "outlines: pieces go on over breaks",
+        "ops/outlines.py",
+        "BREAK = 2.0",
+        "BREAK = 20.0",
+        "ops/test_outlines.py::test_parts_apart_are_no_slope",
+    ),
+    mutant(
+        "outlines: edges are those of whole pixels",
+        "ops/outlines.py",
+        "(first + 1 - picture.gather(1, first) - above)[:, 0]",
+        "first.float()[:, 0]",
+        "ops/test_outlines.py::test_edges_between_pixels_are_where_coverage_tells",
+    ),
+    mutant(
+        "shapes: all cameras count as level",
+        "recipes/shape_panels.py",
+        "if level_share(some_of(collection)) > LEVEL:",
+        "if level_share(some_of(collection)) >= 0:",
+        "recipes/test_cropped_pictures.py::test_no_cameras_are_learned_of_outlines_that_are_level",
+    ),
+    mutant(
+        "shapes: outlines are not looked at",
+        "recipes/shape_panels.py",
+        "if level_share(some_of(collection)) > LEVEL:",
+        "if level_share(some_of(collection)) > 1:",
+        "recipes/test_cropped_pictures.py::test_no_cameras_are_learned_of_outlines_that_are_level",
+    ),
+    mutant(
         "framing: the box begins at a quarter of the maximum",
         "ops/framing.py",
         "level = profile.amax(1, keepdim=True) / 2",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import torch
 from PIL import Image
 
 from unproject.assignment import JointlyPredicted
+from unproject.data import chairs
 from unproject.domains import Volumes
 from unproject.ops import bounding_box
 from unproject.projections.cropped import Cropped
@@ -81,6 +83,16 @@ def test_what_is_learned_of_cameras(known_masks: Path, volumes: Path) -> None:
         assert learned(shapes(data=volumes, views=views, **SMALL)) == []
     for settings in ({"views": "known"}, {"bands": 1}, {"bands": 3}):
         assert learned(shapes(data=known_masks, **settings, **SMALL)) == []
+
+
+@pytest.mark.parametrize(("elevation", "found"), [(0.0, []), (0.14, ["elevation"]), (0.45, ["elevation"])])
+def test_no_cameras_are_learned_of_outlines_that_are_level(elevation: float, found: list[str], tmp_path: Path) -> None:
+    x = chairs(60, 64, seed=5)
+    azimuth = torch.rand(60, generator=torch.Generator().manual_seed(0)) * 2 * math.pi
+    seen = Silhouette(size=64)(x, azimuth=azimuth, elevation=torch.full((60,), elevation))
+    np.savez(tmp_path / "chairs.npz", images=(seen[:, 0] > 0.5).numpy())
+    assert learned(shapes(data=tmp_path / "chairs.npz", **SMALL | {"size": 32})) == found
+    assert learned(shapes(data=tmp_path / "chairs.npz", **SMALL | {"size": 64})) == found
 
 
 @pytest.mark.parametrize("views", ["predicted", "known", "single", "learned"])

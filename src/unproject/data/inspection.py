@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from ..ops.outlines import level_share
 from .collection import Collection, read
 from .readers.found import Found, check_size
 from .readers.framing import Framing
@@ -60,7 +61,13 @@ class Inspection:
         for name, found in self.collections.items():
             views = ", ".join(found.latents) if found.latents else "unknown"
             lines.append(f"  {name}: {len(found)} of {' x '.join(map(str, found.shape))}; views: {views}")
-        return lines
+        level = self.level_outlines()
+        return lines if level is None else [*lines, f"  {level:.0%} of straight outlines are level (ops.level_share)"]
+
+    def level_outlines(self) -> float | None:
+        """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""
+        found = self.collections.get("silhouettes")
+        return None if found is None else round(level_share(found.floats()), 2)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the same for JSON; `shape` and `views` are those of the first collection."""
@@ -70,6 +77,7 @@ class Inspection:
             "used": len(self.rows) - len(self.skipped),
             "shape": None if first is None else list(first.items.shape),
             "views": None if first is None or first.latents is None else list(first.latents),
+            "level_outlines": self.level_outlines(),
             "collections": {name: list(found.items.shape) for name, found in self.collections.items()},
             "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
             "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
@@ -95,7 +103,8 @@ def inspect(
         return _inspect_silhouettes(path, How(size, framing=framing, strict=strict))
     found = read(path, size, pictures=pictures, framing=framing, strict=strict)
     kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.items).kind]
-    return _inspection(path, {f"{kind}s": found}, {f"{kind}s": kind})
+    name = "silhouettes" if kind == "picture" and pictures == "silhouettes" else f"{kind}s"
+    return _inspection(path, {name: found}, {name: kind})
 
 
 def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> Inspection:

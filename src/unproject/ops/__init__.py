@@ -1,4 +1,4 @@
-"""Tensor operations: rotation, resampling, line integrals, occupancy along rays, hulls, parts, limit."""
+"""Tensor operations: rotation, resampling, line integrals, occupancy along rays, hulls, parts, limit, outlines."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from .hull import visual_hull
 from .limits import limited, pulled
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
+from .outlines import level_share
 from .parts import floating_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
@@ -24,6 +25,7 @@ __all__ = [
     "floating_parts",
     "framed",
     "largest_part",
+    "level_share",
     "limited",
     "orthographic_rays",
     "perspective_rays",

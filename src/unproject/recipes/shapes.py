@@ -76,8 +76,8 @@ def shapes(
             under 30).
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0). By default the
-            elevations of pictures of unknown view are learned along, of cropped pictures perspective and roll too;
-            others are 0.
+            elevations of pictures of unknown view are learned along, of cropped pictures perspective and roll too,
+            unless outlines show that cameras were level (`ops.level_share`); others are 0.
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: threshold rendered silhouettes at one half.
         flips: learn from the mirror images of the pictures too; for small collections.
