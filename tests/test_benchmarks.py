@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+import time
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -175,3 +176,16 @@ def test_minutes_train_on_volumes_and_silhouettes(named: object, small: None, tm
     assert direct["steps"] == 2 and direct["mmd_ratio"] > 0 and "views" not in direct
     assert predicted["views_of_ceiling"] == predicted["views"] / 0.5
     assert minutes.chairs_arm("direct", 0, 1.0, tmp_path, tmp_path) == direct  # the run that is there
+
+
+def test_budgets_count_cpu_seconds_if_asked_to(named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that waits spends nothing of its budget."""
+    trainer, recovery = import_module("unproject.training.trainer"), import_module("unproject.training.recovery")
+    for module in (trainer, recovery):
+        monkeypatch.setattr(module, "time", module.time)
+    named("results").count_cpu_seconds()  # type: ignore[operator]
+    with Recorder(tmp_path, quiet=True) as recorder:
+        one = named("heads").trainer(4, tmp_path, recorder)  # type: ignore[operator]
+        time.sleep(0.5)
+        one.record(event="waited")
+    assert one.state.counters.seconds < 0.4

@@ -2210,8 +2210,22 @@ ANY_CLASS = (
     mutant(
         "joint: worlds may tell more than pictures do",
         "assignment/jointly_predicted.py",
-        "falling * min(1.0, max(0.0, room))",
-        "falling",
+        "(1 - falling) * max(room, -1.0)",
+        "0.0",
+        "assignment/test_jointly_predicted.py::test_projections_may_tell_as_much_as_pictures_do",
+    ),
+    mutant(
+        "joint: worlds are asked for that tell more than pictures do",
+        "assignment/jointly_predicted.py",
+        "if room > 0 else",
+        "if room > -9 else",
+        "assignment/test_jointly_predicted.py::test_projections_may_tell_as_much_as_pictures_do",
+    ),
+    mutant(
+        "joint: what pictures told once is forgotten",
+        "assignment/jointly_predicted.py",
+        "max(self.most, self.of_data)",
+        "self.of_data",
         "assignment/test_jointly_predicted.py",
     ),
     mutant(

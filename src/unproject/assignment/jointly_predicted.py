@@ -7,9 +7,11 @@ With q(k | y) the predictor, both minimise
     E[-log q(k | P_k(G(z), θ))]        the predictor with weight 1, the generator with weight w(progress)
 
 and log K minus this cross entropy is a lower bound of the mutual information I(k; y) of views and pictures. A generator
-could make its projections more telling than pictures are, so w falls to 0 while the bound exceeds what the pictures
-seem to hold by more than a margin: H(mean q) - mean H(q) over real pictures. An overconfident q makes that too large,
-so the cap is loose where views differ little.
+could make its projections more telling than pictures are, as one plate does that looks different from each side where
+there are many boxes. So w falls while the bound exceeds what the pictures seemed to hold by more than a margin:
+H(mean q) - mean H(q) over real pictures, the largest so far. Once views are found, w is negative where it exceeds that:
+the generator is then led away from what only its own projections tell. An overconfident q makes the cap too large, so
+that it is loose where views differ little.
 
 References:
     Chen et al. 2016, InfoGAN (the bound, and its joint training).
@@ -51,8 +53,10 @@ class JointlyPredicted(Predicted):
 
     Args:
         weight: w, of the information in the generator's loss, at the start.
-        fall: the parts of the budget between which w falls, linearly, to 0. Once views are found, pictures hold them.
-        margin: nats by which the information of projections may exceed that of pictures; w falls over it.
+        fall: the parts of the budget between which a positive w falls, linearly, to 0, and a negative one comes in.
+            Once views are found, pictures hold them.
+        margin: nats by which the information of projections may exceed that of pictures; w falls over it, and over as
+            much again to -weight.
         rate: Adam's learning rate of the predictor, β = (0.5, 0.999).
 
     Examples:
@@ -90,10 +94,12 @@ class JointlyPredictedState(PredictedState):
             of its weights: what single steps make of real pictures differs by a third.
         of_fakes: moving average of log K minus the cross entropy of projections, nats.
         of_data: information of the real images, at the last round, nats.
+        most: the largest of these so far.
     """
 
     of_fakes: Tensor
     of_data: Tensor
+    most: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: JointlyPredicted, seed: int) -> None:
         super().__init__(panel, views, heads, settings, seed)
@@ -101,15 +107,15 @@ class JointlyPredictedState(PredictedState):
         self.trained = copy.deepcopy(self.predictor)
         self.predictor.requires_grad_(False)
         self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999))
-        for name in ("of_fakes", "of_data"):
+        for name in ("of_fakes", "of_data", "most"):
             self.register_buffer(name, torch.tensor(0.0))
 
     def generator_weight(self, progress: float) -> float:
-        """Return w(progress), less what the cap takes."""
+        """Return w(progress), less what the cap takes; below 0 where projections tell more than pictures do."""
         begin, end = self.joint.fall
         falling = min(1.0, max(0.0, (end - progress) / (end - begin)))
-        room = (float(self.of_data) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
-        return self.joint.weight * falling * min(1.0, max(0.0, room))
+        room = (float(self.most) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
+        return self.joint.weight * (falling * min(room, 1.0) if room > 0 else (1 - falling) * max(room, -1.0))
 
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""
@@ -144,6 +150,7 @@ class JointlyPredictedState(PredictedState):
         """Return responsibilities balanced the less, the more of the views the pictures tell."""
         p, estimator = self._probabilities(), self.settings.estimator
         self.of_data.fill_(information(p))
+        self.most.fill_(max(self.most, self.of_data))
         known = min(1.0, float(self.of_data) / (COMPLETE * math.log(p.shape[1])))
         balance = estimator.balance * max(LEAST_BALANCE, 1 - known)
         return replace(estimator, balance=balance).responsibilities(p)
