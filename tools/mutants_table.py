@@ -2122,6 +2122,44 @@ PHOTOGRAPHS = (
     ),
 )
 
+TURNS = (
+    mutant(
+        "turning: the highest frequency counts twice",
+        "ops/turning.py",
+        "spectrum.narrow(axis, count // 2, 1) / 2",
+        "spectrum.narrow(axis, count // 2, 1)",
+        "ops/test_turning.py::test_finer_images_have_the_samples_and_the_waves_between",
+    ),
+    mutant(
+        "turning: half a pixel off the centre",
+        "ops/turning.py",
+        "middle = (size + 2 * (size // 4) - 1) / 2",
+        "middle = (size + 2 * (size // 4)) / 2",
+        "ops/test_turning.py::test_quarter_turns_are_exact",
+    ),
+    mutant(
+        "turned scores: turns go the other way",
+        "metrics/open_turns.py",
+        "torch.tensor([-gauge.azimuth",
+        "torch.tensor([gauge.azimuth",
+        "metrics/test_open_turns.py::test_open_gauges_change_no_line",
+    ),
+    mutant(
+        "turned scores: one turn for all images",
+        "metrics/open_turns.py",
+        "[chosen]\n    reflected",
+        "[chosen[:1]].expand(len(images))\n    reflected",
+        "metrics/test_open_turns.py::test_each_image_is_turned_by_itself",
+    ),
+    mutant(
+        "turned scores: references stay upright",
+        "metrics/open_turns.py",
+        "digit_features(turned_anyhow(images, gauges, 2 * seed + i), TURNED)",
+        "digit_features(images if i else turned_anyhow(images, gauges, 2 * seed + i), TURNED)",
+        "metrics/test_open_turns.py::test_worlds_that_lines_cannot_tell_apart_score_alike",
+    ),
+)
+
 ANY_CLASS = (
     mutant(
         "outlines: the lower one does not count",

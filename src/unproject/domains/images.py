@@ -12,10 +12,13 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
-from ..metrics import Score, image_scores, line_scores
+from ..metrics import Score, image_scores, line_scores, turned_scores
 from ..projections.observation import Observation
 from .domain import Domain
 from .views import cover_half_a_turn, free_turns, view_bins
+
+DIRECTIONS = 10
+"""Of the lines whose group samples are scored up to, if the data do not say: the paper's."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,10 @@ class Images(Domain):
         return not bool((x > 0.5).any())
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
-        return image_scores(x, reference, bins=turns, seed=seed)
+        upright = image_scores(x, reference, bins=turns, seed=seed)
+        if x.shape[2] != x.shape[3]:
+            return upright
+        return upright | turned_scores(x, reference, turns // 2 if turns else DIRECTIONS, seed)
 
     def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
         return line_scores(y, reference, seed=seed) if reference.dim() == 3 else {}

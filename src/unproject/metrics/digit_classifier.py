@@ -1,7 +1,7 @@
-"""Features of digits from a small classifier, trained by `tools/train_digit_classifier.py`.
+"""Features of digits from two small classifiers, trained by `tools/train_digit_classifier.py`.
 
-Its weights are part of the package, so nothing is downloaded; the file's metadata names the training data and the
-accuracy on held-out images.
+One knows upright digits, the other digits turned by any angle and mirrored, at random. Their weights are part of the
+package, so nothing is downloaded; the files' metadata names the training data and the accuracy on held-out images.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from .._types import UserError
 
 SIDE, FEATURES, CLASSES = 32, 64, 10
 BATCH = 500
+UPRIGHT, TURNED = "digit_classifier", "turned_digit_classifier"
 
 
 class DigitClassifier(nn.Module):
@@ -38,11 +39,11 @@ class DigitClassifier(nn.Module):
 
 
 @cache
-def digit_classifier() -> DigitClassifier:
-    """Load the classifier with the weights of the package, in evaluation mode."""
+def digit_classifier(name: str = UPRIGHT) -> DigitClassifier:
+    """Load a classifier with the weights of the package, in evaluation mode."""
     classifier = DigitClassifier()
     with (
-        as_file(files("unproject.metrics") / "digit_classifier.safetensors") as path,
+        as_file(files("unproject.metrics") / f"{name}.safetensors") as path,
         safe_open(path, "pt") as stored,  # pyright: ignore[reportGeneralTypeIssues]
     ):
         classifier.load_state_dict({name: stored.get_tensor(name).float() for name in stored.keys()})  # noqa: SIM118
@@ -50,8 +51,10 @@ def digit_classifier() -> DigitClassifier:
 
 
 @torch.no_grad()
-def digit_features(images: Tensor) -> tuple[Tensor, Tensor]:
+def digit_features(images: Tensor, name: str = UPRIGHT) -> tuple[Tensor, Tensor]:
     """Return features (N, 64) and classes 0 to 9 (N,) of white digits on black, (N, 1, H, W) in [0, 1].
+
+    The classifier `name` is UPRIGHT, or TURNED, for digits at any turn, mirrored or not.
 
     Images of other sizes than 32² are resampled.
 
@@ -70,5 +73,5 @@ def digit_features(images: Tensor) -> tuple[Tensor, Tensor]:
         raise UserError("digit features: the images have NaN or infinite values; fix or leave out those images")
     if images.shape[2:] != (SIDE, SIDE):
         images = F.interpolate(images, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=True)
-    found = [digit_classifier()(part.float()) for part in images.split(BATCH)]
+    found = [digit_classifier(name)(part.float()) for part in images.split(BATCH)]
     return torch.cat([features for features, _ in found]), torch.cat([logits for _, logits in found]).argmax(1)

@@ -12,6 +12,7 @@ from .parts import floating_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
+from .turning import turn_image
 
 __all__ = [
     "absorption",
@@ -40,6 +41,7 @@ __all__ = [
     "rotate_y",
     "sample_volume",
     "strip_integrals",
+    "turn_image",
     "unit_sized",
     "visual_hull",
 ]
