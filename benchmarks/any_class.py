@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import torch
 from PIL import Image
-from results import Results, count_cpu_seconds, minutes_of
+from results import Results, count_cpu_seconds, finished, minutes_of
 from torch import Tensor
 
 import unproject as up
@@ -138,9 +138,13 @@ def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: 
 
 
 def trained(recipe: up.Recipe, place: Path) -> tuple[up.Run, dict[str, Any]]:
-    """Train, or go on with what is there; return the run, its steps and its minutes."""
+    """Train, or go on with what is there; return the run, its steps and its minutes.
+
+    Raises:
+        SystemExit: if training was stopped: what it has so far is no result.
+    """
     begun = (place / "recipe.json").exists()
-    run = up.resume(place, quiet=True) if begun else up.train(recipe, place, quiet=True)
+    run = finished(up.resume(place, quiet=True) if begun else up.train(recipe, place, quiet=True))
     return run, {"steps": run.step, "minutes": minutes_of(run)}
 
 

@@ -37,6 +37,13 @@ def count_cpu_seconds() -> None:
     vars(trainer)["time"] = vars(recovery)["time"] = clock
 
 
+def finished(run: Run) -> Run:
+    """Return the run; raise SystemExit if it was stopped, by Ctrl-C or SIGTERM: what it has so far is no result."""
+    if not run.complete:
+        raise SystemExit(f"{run.path}: stopped after step {run.step}; the same command goes on")
+    return run
+
+
 def minutes_of(run: Run) -> float:
     """Return the minutes of training up to the last line of the log."""
     return round(max((line["seconds"] for line in run.stats()), default=0.0) / 60, 1)

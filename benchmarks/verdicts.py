@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from results import finished
 from torch import Tensor
 
 from unproject._random import generator_at
@@ -128,9 +129,10 @@ def trained(case: Case, runs: Path) -> tuple[Run, Recipe]:
     """Return the run of a case, trained if it is not there."""
     folder = runs / case.name.replace(", ", "-").replace(" ", "-")
     recipe = recipe_of(case, folder)
-    if not list(folder.glob("run/checkpoints/*.safetensors")):
-        train(recipe, folder / "run", device="cpu", quiet=True)
-    return load(folder / "run"), recipe
+    place = folder / "run"
+    if not list(place.glob("checkpoints/*.safetensors")):
+        finished(train(recipe, place, device="cpu", quiet=True))
+    return load(place), recipe
 
 
 def truth(run: Run, case: Case) -> float:

@@ -6,6 +6,7 @@ import argparse
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -189,3 +190,12 @@ def test_budgets_count_cpu_seconds_if_asked_to(named: object, tmp_path: Path, mo
         time.sleep(0.5)
         one.record(event="waited")
     assert one.state.counters.seconds < 0.4
+
+
+def test_a_training_that_was_stopped_is_no_result(named: object, tmp_path: Path) -> None:
+    finished = named("results").finished  # type: ignore[operator]
+    run = up.Run(tmp_path, up.networks.LowRankGenerator(size=16, channels=8, rank=2), 3, up.Volumes(), complete=False)
+    with pytest.raises(SystemExit, match="stopped after step 3"):
+        finished(run)
+    done = replace(run, complete=True)
+    assert finished(done) is done
