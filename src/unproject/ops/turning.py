@@ -1,4 +1,4 @@
-"""Turning images without blur: bicubic interpolation of their trigonometric interpolation, four times as fine.
+"""Turning images without blur: bicubic interpolation of their trigonometric interpolation, twice as fine.
 
 Bilinear interpolation, as of `rotate_image`, takes detail away, more at some angles than at others: features of
 turned digits then differ from those of upright ones by the blur, not by the turn.
@@ -13,7 +13,7 @@ from torch import Tensor
 from .resampling import centres
 from .rotation import cos_sin
 
-FINER = 4
+FINER = 2
 
 
 def turn_image(x: Tensor, angle: Tensor, reflected: Tensor | None = None) -> Tensor:
