@@ -2154,8 +2154,8 @@ TURNS = (
     mutant(
         "turned scores: references stay upright",
         "metrics/open_turns.py",
-        "digit_features(turned_anyhow(images, gauges, 2 * seed + i), TURNED)",
-        "digit_features(images if i else turned_anyhow(images, gauges, 2 * seed + i), TURNED)",
+        "digit_features(randomly_turned(images, gauges, 2 * seed + i), TURNED)",
+        "digit_features(images if i else randomly_turned(images, gauges, 2 * seed + i), TURNED)",
         "metrics/test_open_turns.py::test_worlds_that_lines_cannot_tell_apart_score_alike",
     ),
 )
@@ -2262,7 +2262,7 @@ ANY_CLASS = (
     mutant(
         "joint: what pictures told once is forgotten",
         "assignment/jointly_predicted.py",
-        "max(self.most, self.of_data)",
+        "max(self.peak_of_data, self.of_data)",
         "self.of_data",
         "assignment/test_jointly_predicted.py",
     ),

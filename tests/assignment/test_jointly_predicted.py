@@ -145,7 +145,7 @@ def test_projections_may_tell_as_much_as_pictures_do(fakes_know: float, early: f
     """More is not asked for while views are sought, and taken back when they are found."""
     state = begun(weight=0.4, margin=0.4, fall=(0.2, 0.6))
     state.of_data.fill_(0.5)
-    state.most.fill_(0.7)
+    state.peak_of_data.fill_(0.7)
     state.of_fakes.fill_(fakes_know)
     for progress, share in ((0.0, early), (0.2, early), (0.4, (early + late) / 2), (0.6, late), (1.3, late)):
         assert state.generator_weight(progress) == pytest.approx(0.4 * share, abs=1e-6)
@@ -220,12 +220,12 @@ def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balance
     p = sure if told else vague
     state._probabilities = lambda: p.clone()  # pyright: ignore[reportPrivateUsage]
     found = state._responsibilities()  # pyright: ignore[reportPrivateUsage]
-    assert state.of_data.item() == state.most.item() == pytest.approx(information(p))
+    assert state.of_data.item() == state.peak_of_data.item() == pytest.approx(information(p))
     wanted = torch.full((BINS,), 1 / BINS) if balanced else p.mean(0)
     torch.testing.assert_close(found.mean(0), wanted, atol=1e-3, rtol=0)
     state._probabilities = lambda: torch.full((24, BINS), 1 / BINS)  # pyright: ignore[reportPrivateUsage]
     state._responsibilities()  # pyright: ignore[reportPrivateUsage]
-    assert state.of_data < 1e-6 and state.most.item() == pytest.approx(information(p), abs=1e-6)
+    assert state.of_data < 1e-6 and state.peak_of_data.item() == pytest.approx(information(p), abs=1e-6)
 
 
 def test_a_little_of_the_balance_is_always_left() -> None:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from unproject._types import UserError
 from unproject.data import digit_labels, digits
-from unproject.metrics import Gauge, dihedral, image_scores, open_gauges, turned_anyhow, turned_scores
+from unproject.metrics import Gauge, dihedral, image_scores, open_gauges, randomly_turned, turned_scores
 from unproject.metrics.digit_classifier import TURNED, digit_features
 from unproject.ops import rotate_image
 from unproject.projections.line_integral import LineIntegral, directions
@@ -31,7 +31,7 @@ def test_open_gauges_change_no_line(count: int) -> None:
     middles = [o.prior.sample(1, torch.Generator().manual_seed(0))["angle"].item() for o in directions(count, 1e-9)]
     images = OTHERS[:16]
     for gauge in gauges:
-        turned = turned_anyhow(images, (gauge,), 0)
+        turned = randomly_turned(images, (gauge,), 0)
         for k in range(count):
             seen = int(gauge.view(torch.tensor(k)))
             found, wanted = (lines(x, angle=torch.full((16,), middles[j])) for x, j in ((turned, k), (images, seen)))
@@ -40,15 +40,15 @@ def test_open_gauges_change_no_line(count: int) -> None:
 
 def test_each_image_is_turned_by_itself() -> None:
     gauges = dihedral(20)
-    turned = turned_anyhow(TRUE[:1].expand(400, -1, -1, -1), gauges, 3)
+    turned = randomly_turned(TRUE[:1].expand(400, -1, -1, -1), gauges, 3)
     assert len(torch.unique(turned.flatten(1).round(decimals=3), dim=0)) == 40
-    assert torch.equal(turned, turned_anyhow(TRUE[:1].expand(400, -1, -1, -1), gauges, 3))
-    assert not torch.equal(turned, turned_anyhow(TRUE[:1].expand(400, -1, -1, -1), gauges, 4))
+    assert torch.equal(turned, randomly_turned(TRUE[:1].expand(400, -1, -1, -1), gauges, 3))
+    assert not torch.equal(turned, randomly_turned(TRUE[:1].expand(400, -1, -1, -1), gauges, 4))
 
 
 def test_the_classifier_knows_turned_digits_it_never_saw() -> None:
     labels = digit_labels(held_out=True)
-    turned = turned_anyhow(TRUE, dihedral(20), 0)
+    turned = randomly_turned(TRUE, dihedral(20), 0)
     right = (digit_features(turned, TURNED)[1] == labels).double().mean().item()
     assert right > 0.88 > 0.5 > (digit_features(turned)[1] == labels).double().mean().item()
     with safe_open(str(files("unproject.metrics") / f"{TURNED}.safetensors"), "pt") as stored:
@@ -59,8 +59,8 @@ def test_the_classifier_knows_turned_digits_it_never_saw() -> None:
 def test_worlds_that_lines_cannot_tell_apart_score_alike() -> None:
     true = values(OTHERS)
     assert max(true["frechet_mirrored"], true["frechet_turned"]) < 25
-    half = values(turned_anyhow(OTHERS, open_gauges(10), 9))
-    anyhow = values(turned_anyhow(OTHERS, dihedral(20), 9))
+    half = values(randomly_turned(OTHERS, open_gauges(10), 9))
+    anyhow = values(randomly_turned(OTHERS, dihedral(20), 9))
     assert half["frechet_mirrored"] < 1.3 * true["frechet_mirrored"]
     assert anyhow["frechet_turned"] < 1.3 * true["frechet_turned"]
     assert anyhow["recall_turned"] > 0.8 * true["recall_turned"]
@@ -71,7 +71,7 @@ def test_worlds_that_lines_cannot_tell_apart_score_alike() -> None:
 
 
 def half_mirrored() -> Tensor:
-    return turned_anyhow(OTHERS, open_gauges(10), 9)
+    return randomly_turned(OTHERS, open_gauges(10), 9)
 
 
 def test_other_worlds_score_worse() -> None:
@@ -84,7 +84,7 @@ def test_other_worlds_score_worse() -> None:
         assert blurred[f"frechet_{name}"] > 1.05 * true[f"frechet_{name}"]
         assert few[f"frechet_{name}"] > 1.2 * true[f"frechet_{name}"]
         assert few[f"recall_{name}"] < true[f"recall_{name}"]
-    turned = values(turned_anyhow(OTHERS, dihedral(20), 9))
+    turned = values(randomly_turned(OTHERS, dihedral(20), 9))
     assert turned["frechet_mirrored"] > 1.5 * true["frechet_mirrored"], "ten directions tell a turn"
 
 

@@ -7,11 +7,11 @@ With q(k | y) the predictor, both minimise
     E[-log q(k | P_k(G(z), θ))]        the predictor with weight 1, the generator with weight w(progress)
 
 and log K minus this cross entropy is a lower bound of the mutual information I(k; y) of views and pictures. A generator
-could make its projections more telling than pictures are, as one plate does that looks different from each side where
-there are many boxes. So w falls while the bound exceeds what the pictures seemed to hold by more than a margin:
-H(mean q) - mean H(q) over real pictures, the largest so far. Once views are found, w is negative where it exceeds that:
-the generator is then led away from what only its own projections tell. An overconfident q makes the cap too large, so
-that it is loose where views differ little.
+could make its projections more informative than pictures are, as one plate does that differs from side to side where
+there are many boxes. So w falls while the bound exceeds the information of pictures, H(mean q) - mean H(q), by more
+than a margin; and late in training w is negative beyond that, which penalises information that pictures do not have. Of
+pictures the largest value so far counts. An overconfident q makes it too large, so that the cap is loose where views
+differ little.
 
 References:
     Chen et al. 2016, InfoGAN (the bound, and its joint training).
@@ -94,12 +94,12 @@ class JointlyPredictedState(PredictedState):
             of its weights: what single steps make of real pictures differs by a third.
         of_fakes: moving average of log K minus the cross entropy of projections, nats.
         of_data: information of the real images, at the last round, nats.
-        most: the largest of these so far.
+        peak_of_data: the largest of these so far.
     """
 
     of_fakes: Tensor
     of_data: Tensor
-    most: Tensor
+    peak_of_data: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: JointlyPredicted, seed: int) -> None:
         super().__init__(panel, views, heads, settings, seed)
@@ -107,14 +107,14 @@ class JointlyPredictedState(PredictedState):
         self.trained = copy.deepcopy(self.predictor)
         self.predictor.requires_grad_(False)
         self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999))
-        for name in ("of_fakes", "of_data", "most"):
+        for name in ("of_fakes", "of_data", "peak_of_data"):
             self.register_buffer(name, torch.tensor(0.0))
 
     def generator_weight(self, progress: float) -> float:
-        """Return w(progress), less what the cap takes; below 0 where projections tell more than pictures do."""
+        """Return w(progress), less what the cap takes; late, negative beyond the cap."""
         begin, end = self.joint.fall
         falling = min(1.0, max(0.0, (end - progress) / (end - begin)))
-        room = (float(self.most) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
+        room = (float(self.peak_of_data) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
         return self.joint.weight * (falling * min(room, 1.0) if room > 0 else (1 - falling) * max(room, -1.0))
 
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
@@ -150,7 +150,7 @@ class JointlyPredictedState(PredictedState):
         """Return responsibilities balanced the less, the more of the views the pictures tell."""
         p, estimator = self._probabilities(), self.settings.estimator
         self.of_data.fill_(information(p))
-        self.most.fill_(max(self.most, self.of_data))
+        self.peak_of_data.fill_(max(self.peak_of_data, self.of_data))
         known = min(1.0, float(self.of_data) / (COMPLETE * math.log(p.shape[1])))
         balance = estimator.balance * max(LEAST_BALANCE, 1 - known)
         return replace(estimator, balance=balance).responsibilities(p)

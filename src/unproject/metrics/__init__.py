@@ -9,7 +9,7 @@ from .image_scores import best_image_gauge, image_scores
 from .line_sets import line_scores
 from .map_correlation import CorrelationError, CorrelationTable, correlation_error, map_correlations
 from .material_scores import material_scores
-from .open_turns import open_gauges, turned_anyhow, turned_scores
+from .open_turns import open_gauges, randomly_turned, turned_scores
 from .patches import PatchDistance, kernel_patches, patch_distance, texture_features
 from .score import Score
 from .shape_scores import set_scores, shape_scores
@@ -60,7 +60,7 @@ __all__ = [
     "silhouette_scores",
     "surface_points",
     "texture_features",
-    "turned_anyhow",
+    "randomly_turned",
     "turned_scores",
     "view_accuracy",
     "view_scores",

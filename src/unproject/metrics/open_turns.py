@@ -39,7 +39,7 @@ def open_gauges(directions: int) -> tuple[Gauge, ...]:
     return tuple(gauge for gauge in dihedral(2 * directions) if bool((gauge.view(k) < directions).all()))
 
 
-def turned_anyhow(images: Tensor, gauges: Sequence[Gauge], seed: int) -> Tensor:
+def randomly_turned(images: Tensor, gauges: Sequence[Gauge], seed: int) -> Tensor:
     """Apply to each image (N, C, H, H) one of the gauges, drawn at random; without blur (`ops.turn_image`)."""
     chosen = torch.randint(len(gauges), (len(images),), generator=generator_at(seed, 0, "turns"))
     angle = torch.tensor([-gauge.azimuth for gauge in gauges])[chosen]
@@ -81,7 +81,7 @@ def turned_scores(generated: Tensor, reference: Tensor, directions: int = 10, se
     groups = {"mirrored": open_gauges(directions), "turned": dihedral(2 * directions)}
     for name, gauges in groups.items():
         x, y = (
-            digit_features(turned_anyhow(images, gauges, 2 * seed + i), TURNED)[0]
+            digit_features(randomly_turned(images, gauges, 2 * seed + i), TURNED)[0]
             for i, images in enumerate((generated, reference))
         )
         least = min(len(x), len(y), MOST)
