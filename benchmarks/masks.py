@@ -19,6 +19,8 @@ import torch
 from PIL import Image
 from torch import Tensor
 
+from unproject.data import Collection
+from unproject.data.sampling import spread_rows
 from unproject.metrics import silhouette_scores
 from unproject.training import Recipe, Run
 from unproject.training.evaluation import projected
@@ -65,16 +67,16 @@ def write_folder(masks: np.ndarray, folder: Path) -> Path:
     return folder
 
 
-def evenly(pictures: Tensor, most: int) -> Tensor:
+def some_of(collection: Collection, most: int) -> Tensor:
     """Return at most so many of the pictures, evenly in their order."""
-    return pictures[torch.linspace(0, len(pictures) - 1, min(len(pictures), most)).long()]
+    return collection.batch(spread_rows(len(collection), most))
 
 
 @torch.no_grad()
 def silhouettes_quality(run: Run, recipe: Recipe, real: Tensor, seed: int = 1) -> dict[str, float]:
     """Score a run against pictures (M, 1, H, W) that were held out, framed as those of its panel are."""
     (state,) = run.assignments(recipe)
-    others = evenly(state.panel.collections[0].floats(), MOST)
+    others = some_of(state.panel.collections[0], MOST)
     x = run.sample(len(others), seed)
     found, own = (silhouette_scores(y, real, seed=seed) for y in (projected(state, x, seed), others))
     mmd, cov = (f"{name}_{SILHOUETTES}" for name in ("mmd", "cov"))

@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from masks import SOURCES, evenly, silhouettes_quality, write_folder
+from masks import SOURCES, silhouettes_quality, some_of, write_folder
 from PIL import Image, ImageDraw, ImageFont
 from results import Results, minutes_of
 from torch import Tensor
@@ -101,7 +101,7 @@ def views_sheet(state: AssignmentState) -> Image.Image:
 def show(run: Run, state: AssignmentState, out: Path, name: str) -> None:
     """Write the three pictures of a class."""
     shapes_sheet(run.sample(SAMPLES)).save(out / f"{name}-shapes.png")
-    pictures = evenly(state.panel.collections[0].floats(), PICTURES)
+    pictures = some_of(state.panel.collections[0], PICTURES)
     export.silhouette_sheet(pictures, out / f"{name}-pictures.png", columns=4, scale=3)
     views_sheet(state).save(out / f"{name}-views.png")
 

@@ -148,7 +148,6 @@ def _row(name: str, collection: Collection) -> Tensor:
 
 def _spread(collection: Collection, count: int) -> Tensor:
     """Up to `count` items, evenly spread over the collection."""
-    import torch
+    from ..data.sampling import spread_rows
 
-    rows = torch.linspace(0, len(collection) - 1, min(count, len(collection))).round().long().unique()
-    return collection.batch(rows)
+    return collection.batch(spread_rows(len(collection), count))

@@ -17,11 +17,14 @@ from .readers.patches import material_patches
 from .readers.paths import holds_only_shapes
 from .readers.photographs import photographed
 from .readers.pictures import silhouettes_of, survey_silhouettes
+from .sampling import spread_rows
 
 Row = tuple[str, str, str, str]
 ENLARGED = 4
 """Textures are read at this many times the size of the patches that are cut out of them."""
 PATCHES = 64
+SHOWN = 1024
+"""Pictures at most whose outlines are looked at."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class Inspection:
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""
         found = self.collections.get("silhouettes")
-        return None if found is None else round(level_share(found.floats()), 2)
+        return None if found is None else round(level_share(found.batch(spread_rows(len(found), SHOWN))), 2)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the same for JSON; `shape` and `views` are those of the first collection."""

@@ -42,3 +42,13 @@ def batch_rows(
 def permutation(count: int, seed: int, epoch: int, stream: str = "rows") -> Tensor:
     """π_epoch, (count,) int64. Cached, because consecutive steps share it: do not write into it."""
     return torch.randperm(count, generator=generator_at(seed, epoch, stream))
+
+
+def spread_rows(count: int, most: int) -> Tensor:
+    """Return the indices of min(count, most) of `count` items, evenly spread.
+
+    Examples:
+        >>> spread_rows(7, 3), spread_rows(2, 3)
+        (tensor([0, 3, 6]), tensor([0, 1]))
+    """
+    return torch.linspace(0, count - 1, min(count, most)).long()

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from .collection import Collection
+from .sampling import spread_rows
 
 Plane = Literal["x", "z"]
 
@@ -58,7 +59,7 @@ def plane_of_symmetry(collection: Collection) -> Plane | None:
         >>> [up.data.plane_of_symmetry(up.Collection(x)) for x in (cars, cars.transpose(1, 3))]
         ['x', 'z']
     """
-    rows = torch.linspace(0, len(collection) - 1, min(len(collection), MOST)).long()
+    rows = spread_rows(len(collection), MOST)
     if collection.items.shape[1] != 1:
         found, largest = asymmetries_of_volumes(collection, rows), LARGEST_OF_VOLUMES
     elif collection.latents is None or "azimuth" not in collection.latents:

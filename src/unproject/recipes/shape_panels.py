@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-import torch
 from torch import Tensor, nn
 
 from .._random import derived_seed
@@ -17,6 +16,7 @@ from .._types import UserError
 from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
 from ..assignment import JointlyPredicted, LearnedLatent, MeanShapeInitialiser, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
+from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.framing import common_fill, common_height
 from ..ops.outlines import level_share
@@ -101,7 +101,7 @@ def pictures_of(
 
 def some_of(collection: Collection) -> Tensor:
     """Return pictures evenly spread over a collection, CHECKED at most."""
-    return collection.batch(torch.linspace(0, len(collection) - 1, min(len(collection), CHECKED)).long())
+    return collection.batch(spread_rows(len(collection), CHECKED))
 
 
 def is_rendered(collection: Collection) -> bool:
