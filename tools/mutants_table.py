@@ -1070,6 +1070,20 @@ ADVERSARIAL = (
         "adversarial/test_adaptive.py",
     ),
     mutant(
+        "adaptive: the penalty grows linearly",
+        "adversarial/adaptive.py",
+        "self.settings.penalty ** (self.strength.item() / (self.settings.most or 1.0))",
+        "1 + (self.settings.penalty - 1) * self.strength.item() / (self.settings.most or 1.0)",
+        "adversarial/test_adaptive.py",
+    ),
+    mutant(
+        "trainer: the penalty ignores the augmentation's factor",
+        "training/trainer.py",
+        "batch.panel.penalty_scale * found",
+        "batch.panel.panel.penalty_scale * found",
+        "training/test_overfitting.py",
+    ),
+    mutant(
         "regularisers: the weight does not fall",
         "adversarial/regularisers.py",
         "self.weight + (self.final - self.weight) * min(progress, 1.0)",

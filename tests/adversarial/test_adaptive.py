@@ -95,6 +95,19 @@ def test_a_state_comes_back_bit_for_bit() -> None:
     assert state.log() == again.log() and not Shift(1.0).begin().state_dict()
 
 
+def test_the_penalty_grows_with_the_strength() -> None:
+    """To `penalty` times, by equal factors in equal steps; that of an augmentation that does not adapt stays."""
+    state = Adaptive(Affine(), rise=0.5, most=0.8, penalty=16.0).begin()
+    found = [state.penalty_scale]
+    for i in range(5):
+        state.adapt(*OVERFITTED, progress=(i + 1) / 10)
+        found.append(state.penalty_scale)
+    assert found == pytest.approx([1, 2, 4, 8, 16, 16])
+    assert Shift(1.0).begin().penalty_scale == Adaptive(Affine(), most=0.0, penalty=9.0).begin().penalty_scale == 1
+    with pytest.raises(UserError, match="give a positive factor"):
+        Adaptive(Affine(), penalty=0.0)
+
+
 def test_measurements_are_so_many_updates_apart() -> None:
     due = [draw for draw in range(10) if Adaptive(Affine(), every=4).begin().due(draw)]
     assert due == [3, 7] and not Shift(1.0).begin().due(3)

@@ -16,7 +16,8 @@ from torch import Tensor, nn
 from toy import BINS, only_panel, toy, with_predicted
 
 from unproject._types import UserError
-from unproject.adversarial import Adaptive, Augmentation, Shift
+from unproject.adversarial import Adaptive, Augmentation, Penalty, Shift
+from unproject.adversarial.penalties import Discriminate
 from unproject.assignment import AssignmentState, Known, Panel, Predicted, PredictorFit
 from unproject.data import Collection
 from unproject.domains import Domain
@@ -94,9 +95,23 @@ def test_the_strength_follows_what_the_discriminator_says(tmp_path: Path, monkey
     assert [line["overfitting"] for line in lines] == [0.5] * 4
 
 
+def test_the_penalty_is_scaled_by_the_panel_and_by_its_augmentation(tmp_path: Path) -> None:
+    class Constant(Penalty):
+        every = 1
+
+        def __call__(self, discriminator: Discriminate, real: Tensor, fake: Tensor, rng: torch.Generator) -> Tensor:
+            return torch.ones((), requires_grad=True)
+
+    grown = replace(ADAPTIVE, start=ADAPTIVE.most, rise=1e9, penalty=3.0)
+    recipe = replace(adaptive(augmentation=grown, steps=2), penalty=Constant())
+    recipe = replace(recipe, panels=[replace(recipe.panels[0], penalty_scale=2.0)])
+    train(recipe, tmp_path, quiet=True)
+    assert [line["penalty"] for line in stats(tmp_path) if "penalty" in line] == pytest.approx([6.0])
+
+
 @pytest.mark.parametrize("views", ["known", "predicted"])
 def test_the_strength_goes_on_where_it_was(tmp_path: Path, views: Views) -> None:
-    recipe = adaptive(views, replace(ADAPTIVE, rise=4.0))
+    recipe = adaptive(views, replace(ADAPTIVE, rise=4.0, penalty=3.0))
     whole = train(recipe, tmp_path / "whole", quiet=True).path
     with pytest.MonkeyPatch.context() as patch:
         step, calls = Trainer.step, iter(range(100))

@@ -39,6 +39,8 @@ class Adaptive(Augmentation):
         rise: part of the budget in which the strength goes from 0 to 1 if r stays above `target`.
         start: strength at the start.
         most: strength at most: close to 1 the augmentation may leak. 0 only measures.
+        penalty: factor of the gradient penalty while the strength is at its most; in between, its power
+            penalty ** (strength / most).
 
     Raises:
         UserError: for numbers out of range.
@@ -61,12 +63,15 @@ class Adaptive(Augmentation):
     rise: float = 0.2
     start: float = 0.0
     most: float = 0.8
+    penalty: float = 1.0
 
     def __post_init__(self) -> None:
         if not (0 < self.target < 1 and self.every >= 1 and self.rise > 0 and 0 <= self.start <= self.most <= 1):
             raise UserError(
                 f"{self}: give a target between 0 and 1, every 1 or more, a positive rise, and 0 <= start <= most <= 1"
             )
+        if self.penalty <= 0:
+            raise UserError(f"{self}: give a positive factor of the penalty")
 
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
         return Sometimes(self.augmentation, self.start)(images, rng)
@@ -107,6 +112,10 @@ class AdaptiveState(AugmentationState):
         self.strength += by if self.overfitting > self.settings.target else -by
         self.strength.clamp_(0.0, self.settings.most)
         self.moved_at.fill_(progress)
+
+    @property
+    def penalty_scale(self) -> float:
+        return self.settings.penalty ** (self.strength.item() / (self.settings.most or 1.0))
 
     @property
     def overfitting(self) -> float:

@@ -69,6 +69,11 @@ class AugmentationState(nn.Module):
     def adapt(self, train: float, held_out: float, generated: float, progress: float) -> None:
         """Take over the discriminator's mean logits of these images, at `progress`, 0 to 1, of the budget."""
 
+    @property
+    def penalty_scale(self) -> float:
+        """The factor of the gradient penalty as of now."""
+        return 1.0
+
     def log(self) -> dict[str, Any]:
         """Return fields for the lines of the log."""
         return {}

@@ -60,6 +60,11 @@ class PanelState:
     augmentation: AugmentationState | None = None
     gradient_norm: float = 1.0
 
+    @property
+    def penalty_scale(self) -> float:
+        """The factor of the recipe's gradient penalty as of now."""
+        return self.panel.penalty_scale * (self.augmentation.penalty_scale if self.augmentation else 1.0)
+
     def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
         """Update what the panel learns itself, after the backward pass of the generator's loss."""
         self.assignment.update(average_gradients)

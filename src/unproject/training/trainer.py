@@ -152,7 +152,7 @@ class Trainer:
             if penalise and recipe.penalty is not None:
                 rng = generator_at(recipe.seed, draw, f"penalty/{index}/{self.distribution.rank}")
                 found = recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)
-                penalty = penalty + batch.panel.panel.penalty_scale * found
+                penalty = penalty + batch.panel.penalty_scale * found
         self._apply(state.discriminators, state.discriminator_optimiser, total + penalty)
         return {"loss_d": total.detach()} | ({"penalty": penalty.detach()} if penalise else {})
 
