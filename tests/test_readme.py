@@ -17,7 +17,9 @@ from unproject.projections.silhouette import azimuth_bins
 from unproject.training.checkpoint import FORMAT
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/usage.md")
+TUTORIAL = "docs/tomography.md"
+"""Its Python writes the files of its commands."""
+PAGES = ("README.md", "docs/usage.md", TUTORIAL)
 
 
 def blocks(language: str, page: str = "README.md") -> list[str]:
@@ -81,6 +83,8 @@ def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
     """In their order, each with what those before it have left; what --out names is there afterwards."""
     tried = [command for command in commands(page) if not command.startswith(ELSEWHERE)]
     assert {"train", "export"} <= {command.split()[1] for command in tried}
+    for code in blocks("python", page) if page == TUTORIAL else ():
+        exec(compile(code, page, "exec"), {})
     for command in tried:
         words = shlex.split(shortened(command))[1:]
         if words[0] == "export" and (Path(words[1]) / "checkpoints").is_dir():

@@ -104,9 +104,10 @@ def test_digits_are_shown_as_they_are(tmp_path: Path, capsys) -> None:
 def test_lines_are_shown_as_graphs(tmp_path: Path, capsys) -> None:
     lines = np.zeros((3, 16), np.float32)
     lines[:, 4:8] = [[0.1], [0.2], [0.4]]
-    np.savez(tmp_path / "scans.npz", lines=lines, angle=np.zeros(3))
+    np.savez(tmp_path / "scans.npz", lines=lines, angle=np.array([0.0, 0.5, 3.0]))
     run("inspect", tmp_path / "scans.npz", for_="digits", out=tmp_path / "sheet.png")
     text = capsys.readouterr().out
+    assert "angle: 0.0° to 171.9°" in text and "readings: 0 to 0.4, taken as they are" in text
     assert "lines: 3 of 1 x 16; views: angle" in text and "00000  1 x 16  line" in text
     with Image.open(tmp_path / "sheet.png") as sheet:
         tile = np.asarray(sheet.convert("L"))[2:94, 2:94]

@@ -124,3 +124,36 @@ def test_lines_without_directions_are_for_predicted_ones(tmp_path: Path) -> None
     np.savez(tmp_path / "scans.npz", lines=np.zeros((4, 2, 16), np.float32))
     with pytest.raises(UserError, match=r"line integrals are \(N, D\)"):
         digits(data=tmp_path / "scans.npz", steps=1)
+
+
+def measured(folder: Path, unit: float, **arrays: np.ndarray) -> Path:
+    rng = np.random.default_rng(1)
+    np.savez(folder / "measured.npz", lines=rng.random((60, 32)) * unit, angle=np.linspace(-3, 9, 60), **arrays)
+    return folder / "measured.npz"
+
+
+@pytest.mark.parametrize("recipe", [digits, digits_paper])
+def test_measured_lines_have_directions_without_gaps(recipe, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """At any angle, of several turns; in any unit. Windows are for those who ask for them."""
+    path = measured(tmp_path, 40.0)
+    panel = only_panel(recipe(data=path, steps=1))
+    assert len(panel) == 60
+    for observation, collection in zip(panel.observations, panel.collections, strict=True):
+        assert observation.prior.contains(collection.latents).all()
+        assert collection.items.max() < 0.55
+    for views in ("predicted", "learned", "single"):
+        observations = only_panel(recipe(data=path, views=views, steps=1)).observations
+        angles = torch.linspace(-0.15, 2.98, 50)
+        assert torch.stack([o.prior.contains({"angle": angles}) for o in observations]).any(0).all()
+    with pytest.raises(UserError, match="outside every bin; leave them out, or widen --spread: 90 / bins degrees"):
+        recipe(data=path, spread=2.5, steps=1)
+
+
+def test_the_axis_of_rotation_is_that_of_measured_lines(tmp_path: Path) -> None:
+    panel = only_panel(digits(data=measured(tmp_path, 1.0), center=16, steps=1))
+    assert panel.shape == (1, 33)
+    assert panel.projection(torch.rand(2, 1, 32, 32), angle=torch.zeros(2)).shape == (2, 1, 33)
+    with pytest.raises(UserError, match="give a detector of those there are, 0 to 31"):
+        digits(data=measured(tmp_path, 1.0), center=40, steps=1)
+    with pytest.raises(UserError, match="center=16 is of measured lines"):
+        digits(center=16, steps=1)

@@ -11,6 +11,12 @@ from .._types import UserError
 from ..data import Collection
 from ..projections.observation import Observation
 
+FIXES = {
+    "elevation": ", or give --bands enough bands of elevation",
+    "angle": ", or widen --spread: 90 / bins degrees leave no gap",
+}
+"""What else helps if a known view lies outside every bin, by the latent."""
+
 
 def views_of(collection: Collection, observations: Sequence[Observation]) -> Tensor:
     """Return (N,) the first observation whose prior contains each item's known latents; missing latents count as 0.
@@ -29,7 +35,7 @@ def views_of(collection: Collection, observations: Sequence[Observation]) -> Ten
     inside = torch.stack([observation.prior.contains(latents) for observation in observations], 1)
     outside = ~inside.any(1)
     if bool(outside.any()):
-        more = ", or give --bands enough bands of elevation" if "elevation" in names else ""
+        more = "".join(fix for name, fix in FIXES.items() if name in names)
         raise UserError(
             f"{collection.source}: the known view of {int(outside.sum())} of {len(inside)} images lies outside every "
             f"bin; leave them out{more}"

@@ -130,7 +130,7 @@ class Collection:
 
     @classmethod
     def lines(cls, path: PathLike) -> Self:
-        """Read line integrals (N, 1, D) from an .npz with an array `lines`, (N, D) or (N, 1, D).
+        """Read line integrals (N, 1, D) from an .npz: `lines`, (N, D) or (N, 1, D), or `sinograms`, (M, D, A).
 
         Raises:
             UserError: if there are none.

@@ -10,6 +10,8 @@ from typing import Any, Literal
 
 from ..ops.outlines import level_share
 from .collection import Collection, read
+from .measured_lines import scale_of
+from .readers.arrays import LATENTS
 from .readers.found import Found, check_size
 from .readers.framing import Framing
 from .readers.how import How
@@ -64,6 +66,8 @@ class Inspection:
         for name, found in self.collections.items():
             views = ", ".join(found.latents) if found.latents else "unknown"
             lines.append(f"  {name}: {len(found)} of {' x '.join(map(str, found.shape))}; views: {views}")
+            lines += [f"  {latent}: {low:.1f}° to {high:.1f}°" for latent, (low, high) in degrees_of(found).items()]
+            lines += readings_of(found)
         level = self.level_outlines()
         return lines if level is None else [*lines, f"  {level:.0%} of straight outlines are level (ops.level_share)"]
 
@@ -85,6 +89,22 @@ class Inspection:
             "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
             "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
         }
+
+
+def degrees_of(collection: Collection) -> dict[str, tuple[float, float]]:
+    """Return the least and the largest of the known angles, degrees."""
+    angles = {n: v.rad2deg() for n, v in (collection.latents or {}).items() if n in LATENTS}
+    return {name: (angle.min().item(), angle.max().item()) for name, angle in angles.items()}
+
+
+def readings_of(collection: Collection) -> list[str]:
+    """Return a line of text on the readings of line integrals, none of others."""
+    if collection.items.dim() != 3:
+        return []
+    lines = collection.floats()
+    scale = scale_of(collection)
+    divided = "taken as they are" if scale == 1 else f"divided by {scale:g} for training"
+    return [f"  readings: {lines.min():g} to {lines.max():g}, {divided}"]
 
 
 def inspect(

@@ -22,10 +22,14 @@ from ..adversarial.penalties import R1R2, GradientPenalty
 from ..assignment import GaussianInitialiser, Panel, Predicted
 from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
+from ..data.measured_lines import standardised_lines
 from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
 from ..projections.line_integral import LineIntegral, directions
 from ..training import Adam, Options, Recipe, resumable
 from .pairing import Views, five_rounds, frequent_rounds, panel_of
+
+DIGITS_SPREAD = 2.5
+"""Degrees, the paper's."""
 
 
 @resumable
@@ -35,7 +39,8 @@ def digits(
     views: Views = "known",
     size: int = 32,
     bins: int = 10,
-    spread: float = 2.5,
+    spread: float | None = None,
+    center: float | None = None,
     views_per_image: int = 1,
     seed: int = 0,
     channels: int = 128,
@@ -49,14 +54,17 @@ def digits(
     """Images from line integrals, for a laptop: a smooth generator, a fully connected discriminator, lazy R1 + R2.
 
     Args:
-        data: a folder of pictures, an .npz or an idx file; only line integrals of them are used, except for direct
-            training (default: handwritten digits).
+        data: an .npz of measured lines or sinograms; or a folder of pictures, an .npz or an idx file, of which only
+            line integrals are used, except for direct training (default: handwritten digits).
         views: what is known of the directions: known, predicted (nothing; they are estimated image by image), learned
             (nothing; only their distribution is estimated), single (nothing; one discriminator head), or direct (no
             projection: train on the images themselves).
         size: pixels a side, and detectors.
         bins: directions, evenly over half a turn.
-        spread: each direction is uniform within ± so many degrees.
+        spread: each direction is uniform within ± so many degrees (default: 2.5; of measured lines 90 / `bins`, which
+            leaves no gap).
+        center: of measured lines, the detector, counted from 0, that the axis of rotation projects to (default: the
+            middle, (D - 1) / 2; scikit-image's is D // 2).
         views_per_image: line integrals taken of each image.
         seed: of the weights, of every draw, and of the line integrals taken.
         channels: of the generator's 4² level.
@@ -69,7 +77,7 @@ def digits(
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
     predicted = initialised_rounds(rounds, balance, bins)
-    panel = line_panel(data, views, Scan(size, bins, spread, views_per_image), seed, predicted, whole=True)
+    panel = line_panel(data, views, Scan(size, bins, spread, views_per_image, center), seed, predicted, whole=True)
     direct = views == "direct"
     mean, deviation = readings(panel)
     gamma = (0.1 if direct else 0.02) if gamma is None else gamma
@@ -98,7 +106,8 @@ def digits_paper(
     views: Views = "known",
     size: int = 32,
     bins: int = 10,
-    spread: float = 2.5,
+    spread: float | None = None,
+    center: float | None = None,
     views_per_image: int = 1,
     seed: int = 0,
     channels: int = 512,
@@ -113,11 +122,14 @@ def digits_paper(
     The paper names no networks for Part III; these are those of its shapes, one dimension lower.
 
     Args:
-        data: a folder of pictures, an .npz or an idx file (default: handwritten digits).
+        data: measured lines or pictures, as in `digits` (default: handwritten digits).
         views: known, predicted, learned, single or direct, as in `digits`.
         size: pixels a side, and detectors.
         bins: directions, evenly over half a turn.
-        spread: each direction is uniform within ± so many degrees.
+        spread: each direction is uniform within ± so many degrees (default: 2.5; of measured lines 90 / `bins`, which
+            leaves no gap).
+        center: of measured lines, the detector, counted from 0, that the axis of rotation projects to (default: the
+            middle, (D - 1) / 2; scikit-image's is D // 2).
         views_per_image: line integrals taken of each image.
         seed: of the weights, of every draw, and of the line integrals taken.
         channels: of the generator's 4² level.
@@ -132,7 +144,7 @@ def digits_paper(
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=discriminator_channels, spectral=True, slope=0.1),
-        panels=[line_panel(data, views, Scan(size, bins, spread, views_per_image), seed, predicted)],
+        panels=[line_panel(data, views, Scan(size, bins, spread, views_per_image, center), seed, predicted)],
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
         generator_optimiser=adam,
@@ -160,12 +172,13 @@ def initialised_rounds(rounds: int, balance: float, bins: int) -> Predicted:
 
 
 class Scan(NamedTuple):
-    """How line integrals are taken: pixels a side, directions, ± degrees within each, and lines an image."""
+    """How line integrals are taken: pixels a side, directions, ± degrees within each, lines an image, axis."""
 
     size: int
     bins: int
-    spread: float
+    spread: float | None
     views_per_image: int
+    center: float | None = None
 
 
 def line_panel(
@@ -180,16 +193,27 @@ def line_panel(
     if found.shape[0] != 1:
         raise UserError(f"{data}: holds volumes; images are learned from pictures or line integrals")
     measured = found.items.dim() == 3
-    line_integral = LineIntegral(found.items.shape[2] if measured else scan.size)
-    observations = directions(scan.bins, math.radians(scan.spread), line_integral)
     if views == "direct" and measured:
         raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
+    if scan.center is not None and not measured:
+        raise UserError(f"{data or 'digits'}: center={scan.center:g} is of measured lines; leave it out for images")
+    if measured:
+        found = standardised_lines(found, scan.bins, scan.center)
+    seen = partial(
+        directions, scan.bins, spread_of(scan, measured), LineIntegral(found.shape[1] if measured else scan.size)
+    )
     if views != "direct" and not measured:
         where = derived_seed(seed, 0, "line integrals")
-        found = observe(found, observations, scan.views_per_image, where, chunk=4096)
-    if whole and views in ("predicted", "learned"):
-        observations = directions(scan.bins, math.radians(scan.spread), line_integral, whole=True)
+        found = observe(found, seen(), scan.views_per_image, where, chunk=4096)
+    observations = seen(whole=whole and views in ("predicted", "learned"))
     return panel_of(views, observations, found, predicted)
+
+
+def spread_of(scan: Scan, measured: bool) -> float:
+    """Return half the width of each direction, radians: of measured lines nobody says that some angles are missing."""
+    if scan.spread is None and measured:
+        return math.pi / 2 / max(scan.bins, 1)
+    return math.radians(DIGITS_SPREAD if scan.spread is None else scan.spread)
 
 
 def readings(panel: Panel) -> tuple[float, float]:

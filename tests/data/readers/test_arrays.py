@@ -138,3 +138,38 @@ def test_a_damaged_file_is_read_or_refused_and_nothing_else(tmp_path_factory, pl
         assert len(read(path)) >= 1
     except UserError as error:
         assert str(path) in str(error)
+
+
+def test_lines_are_of_any_type_of_number(tmp_path):
+    for values in (np.array([[0, 7], [5, 900]]), np.array([[-0.5, 7.25]]), np.array([[0, 65535]], np.uint16)):
+        found = read(saved(tmp_path, lines=values))
+        assert np.allclose(found.floats()[:, 0], values) and found.shape == (1, 2)
+
+
+def test_sinograms_are_lines_of_each_object(tmp_path):
+    sinograms, angle = np.random.default_rng(0).random((3, 5, 4)), np.array([0.0, 0.5, 1.0, 1.5])
+    found = read(saved(tmp_path, sinograms=sinograms, angle=angle))
+    assert len(found) == 12 and found.shape == (1, 5) and found.names[5] == "00001#1"
+    assert np.allclose(found.floats()[5, 0], sinograms[1, :, 1])
+    assert found.latents is not None and torch.equal(found.latents["angle"], torch.from_numpy(angle).float().repeat(3))
+    kept, held_out = found.split(0.1)
+    assert not {n.split("#")[0] for n in kept.names} & {n.split("#")[0] for n in held_out.names}
+    one = read(saved(tmp_path, sinogram=sinograms[1]))
+    assert torch.equal(one.floats(), found.floats()[4:8]) and one.latents is None
+    with pytest.raises(UserError, match="angle: is .* for each of 4"):
+        read(saved(tmp_path, sinograms=sinograms, angle=angle[:3]))
+    with pytest.raises(UserError, match=r"sinograms are \(M, D, A\)"):
+        read(saved(tmp_path, sinograms=sinograms[None]))
+
+
+def test_degrees_are_recognised_and_said(tmp_path):
+    degrees = np.array([0, 90, 179])
+    with pytest.warns(UserWarning, match="angle from 0 to 179: looks like degrees and is taken so"):
+        found = read(saved(tmp_path, lines=np.ones((3, 8)), angle=degrees))
+    assert found.latents is not None and np.allclose(found.latents["angle"], np.deg2rad(degrees))
+    with pytest.warns(UserWarning, match="azimuth from -170 to 10, elevation from 0 to 5: looks like degrees"):
+        found = read(saved(tmp_path, masks=masks, azimuth=np.array([-170.0, 0, 10]), elevation=np.array([0.0, 5, 5])))
+    assert found.latents is not None and np.allclose(found.latents["elevation"], np.deg2rad([0, 5, 5]))
+    turns = np.array([0, 2 * np.pi, 4 * np.pi])
+    found = read(saved(tmp_path, lines=np.ones((3, 8)), angle=turns))
+    assert found.latents is not None and np.allclose(found.latents["angle"], turns)

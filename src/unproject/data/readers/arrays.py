@@ -1,8 +1,10 @@
 """Arrays: .npz and .npy files of pictures or volumes, and idx files (the format of MNIST).
 
 Values are bool, uint8 (shares of 255) or float in [0, 1]. Pictures are (N, H, W), (N, C, H, W) or (N, H, W, C) with
-C of 1, 3 or 4; volumes (N, X, Y, Z); line integrals (N, D) or (N, 1, D), named `lines`. Known views may stand beside
-them as `azimuth` and `elevation`, or `angle`, (N,) radians. A .npy file is mapped into memory, not read.
+C of 1, 3 or 4; volumes (N, X, Y, Z). Line integrals, in any unit and of any type of number, are (N, D) or (N, 1, D),
+named `lines`, or sinograms (M, D, A), named `sinograms`. Known views may stand beside them as `azimuth` and
+`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π. A .npy file is mapped into
+memory, not read.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .how import How
 from .images import as_images
+from .lines import LINES, SINOGRAMS, count_of_angles, in_radians, lines_of
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
-LINES = ("line", "lines", "line_integrals")
 LATENTS = ("azimuth", "elevation", "angle")
 
 
@@ -40,10 +42,12 @@ def read_arrays(path: Path, how: How) -> Found:
     """
     arrays = load_arrays(path)
     key = _data_key(path, arrays)
-    values = checked_values(arrays[key], f"{path}: {key}")
-    found = Found(values, latents=_latents(path, arrays, len(values)), source=str(path))
-    if key in LINES:
-        return found._replace(items=_lines(path, key, values))
+    measured = key in (*LINES, *SINOGRAMS)
+    values = checked_values(arrays[key], f"{path}: {key}", of_pictures=not measured)
+    latents = _latents(path, arrays, count_of_angles(key, values))
+    if measured:
+        return lines_of(path, key, values, latents)
+    found = Found(values, latents=latents, source=str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
         return found._replace(items=resized_volumes(_volumes(path, key, values), how.size))
     pictures = _channels_first(path, key, values)
@@ -95,7 +99,7 @@ def read_idx(path: Path) -> np.ndarray:
 
 def _data_key(path: Path, arrays: Mapping[str, np.ndarray]) -> str:
     """The key of the pictures or volumes: one of the known names, else the only array of 3 or 4 axes."""
-    named = [key for key in (*VOLUMES, *PICTURES, *LINES) if key in arrays]
+    named = [key for key in (*VOLUMES, *PICTURES, *LINES, *SINOGRAMS) if key in arrays]
     found = named or [key for key, value in arrays.items() if value.ndim in (3, 4)]
     if len(found) == 1:
         return found[0]
@@ -103,17 +107,18 @@ def _data_key(path: Path, arrays: Mapping[str, np.ndarray]) -> str:
     raise UserError(
         f"{path}: holds {', '.join(f'{k} {v.shape}' for k, v in arrays.items()) or 'nothing'}, of which "
         f"{'several' if found else 'none'} could be the data; save one array (N, H, W) or (N, X, Y, Z) named {known}, "
-        f"or (N, D) named {LINES[1]}"
+        f"(N, D) named {LINES[1]} or (M, D, A) named {SINOGRAMS[1]}"
     )
 
 
-def checked_values(values: np.ndarray, where: str) -> Tensor:
+def checked_values(values: np.ndarray, where: str, of_pictures: bool = True) -> Tensor:
     """uint8 of bool or uint8 values and float32 of others, without a copy where it needs none.
 
     Raises:
-        UserError: if the dtype is another, there is no value, or a float is NaN or outside [0, 1].
+        UserError: if there is no value, or one that is NaN; of pictures and volumes, if the dtype is another, or a
+            float is outside [0, 1].
     """
-    if not (values.dtype == bool or values.dtype == np.uint8 or np.issubdtype(values.dtype, np.floating)):
+    if values.dtype.kind not in ("f" if of_pictures else "fiu") and values.dtype not in (bool, np.uint8):
         raise UserError(f"{where}: is of type {values.dtype}; save it as bool, uint8 or float32")
     if values.size == 0 or values.ndim == 0:
         raise UserError(f"{where}: is empty {values.shape}; give at least one item")
@@ -124,7 +129,7 @@ def checked_values(values: np.ndarray, where: str) -> Tensor:
     if bad:
         raise UserError(f"{where}: has {bad} values that are NaN or infinite; replace them")
     low, high = float(kept.min()), float(kept.max())
-    if low < 0 or high > 1:
+    if of_pictures and (low < 0 or high > 1):
         raise UserError(f"{where}: values run from {low:g} to {high:g}; scale them to [0, 1]")
     return kept
 
@@ -136,7 +141,7 @@ def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[s
             raise UserError(
                 f"{path}: {name}: is {value.dtype} {value.shape}; give one finite number of radians for each of {count}"
             )
-    return {name: torch.from_numpy(value.astype(np.float32)) for name, value in found.items()} or None
+    return in_radians(path, found) or None
 
 
 def _is_volume(values: Tensor) -> bool:
@@ -147,13 +152,6 @@ def _volumes(path: Path, key: str, values: Tensor) -> Tensor:
     values = values[:, 0] if values.ndim == 5 and values.shape[1] == 1 else values
     if values.ndim != 4 or len(set(values.shape[1:])) != 1:
         raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; volumes are (N, X, Y, Z) with X = Y = Z")
-    return values
-
-
-def _lines(path: Path, key: str, values: Tensor) -> Tensor:
-    values = values[:, None] if values.ndim == 2 else values
-    if values.ndim != 3 or values.shape[1] != 1:
-        raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; line integrals are (N, D) or (N, 1, D)")
     return values
 
 

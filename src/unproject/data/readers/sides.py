@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import LINES, PICTURES, VOLUMES
+from .arrays import PICTURES, VOLUMES
+from .lines import LINES, SINOGRAMS
 from .paths import holds_only_shapes
 from .pictures import SUFFIXES, picture_files
 from .shapes import is_shape_archive, split_selector
@@ -96,7 +97,7 @@ def _of_npz(path: Path) -> int | None:
             with archive.open(name) as stream:
                 shapes[name.removesuffix(".npy")] = _npy_shape(stream)
     named = [key for key in (*VOLUMES, *PICTURES) if key in shapes]
-    found = named or [key for key, shape in shapes.items() if len(shape) in (3, 4) and key not in LINES]
+    found = named or [key for key, shape in shapes.items() if len(shape) in (3, 4) and key not in (*LINES, *SINOGRAMS)]
     return _of_shape(shapes[found[0]]) if len(found) == 1 else None
 
 

@@ -1,0 +1,108 @@
+"""Line integrals of one's own as `LineIntegral` makes them: about the middle, from half a turn, in image widths.
+
+A picture x in [0, 1] that is learned of readings r in some unit, D detectors wide, with the divisor s of `scale_of`,
+is x s / D of what was summed, in that unit a detector's width.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from .._types import UserError
+from .collection import Collection
+from .sampling import spread_rows
+
+MOST = 4096
+"""Lines that are looked at to tell the scale of readings."""
+LARGEST, SMALLEST = 1.0, 0.1
+"""Readings in image widths, the largest of a thousand: 1 at most, of an image of ones; handwritten digits have 0.6."""
+TYPICAL = 0.5
+EDGE = 1e-6
+"""Radians that an angle is kept from the ends of the half turn, so that rounding to float32 does not take it out."""
+NEGATIVE = 0.1
+"""Readings below 0, as a share of the largest, that pass for noise."""
+
+
+def standardised_lines(found: Collection, bins: int, center: float | None = None) -> Collection:
+    """Return measured lines as `bins` directions without gaps make them (`projections.directions`).
+
+    Args:
+        found: lines (N, 1, D), with or without known angles.
+        bins: directions over half a turn.
+        center: the detector, counted from 0, that the axis of rotation projects to (default: (D - 1) / 2).
+
+    Raises:
+        UserError: for a center outside of the detectors, or readings that are no line integrals.
+    """
+    lines, latents = about_middle(found.floats(), center, found.source), found.latents
+    if latents is not None and "angle" in latents:
+        lines, angle = within_half_turn(lines, latents["angle"], math.pi / 2 / bins)
+        latents = latents | {"angle": angle}
+    lines = lines / scale_of(found)
+    return Collection(lines, names=found.names, latents=latents, skipped=found.skipped, source=found.source)
+
+
+def about_middle(lines: Tensor, center: float | None, source: str = "memory") -> Tensor:
+    """Return lines (N, 1, D') whose middle is where the axis of rotation projects to.
+
+    Zeros are appended at the end that is too short. If 2 `center` is no integer, lines are interpolated as well.
+
+    Raises:
+        UserError: for a center outside of the detectors.
+
+    Examples:
+        >>> import torch
+        >>> about_middle(torch.tensor([[[1.0, 2.0, 3.0, 4.0]]]), 2)  # scikit-image's, of an even number
+        tensor([[[1., 2., 3., 4., 0.]]])
+    """
+    last = lines.shape[-1] - 1
+    if center is None:
+        return lines
+    if not 0 <= center <= last:
+        raise UserError(f"{source}: center={center:g}: give a detector of those there are, 0 to {last}")
+    doubled = round(2 * center)
+    short = last - doubled  # how many zeros go before the first detector; behind the last one if negative
+    lines = F.pad(lines, (max(short, 0), max(-short, 0)))
+    by = center - doubled / 2
+    if not by:
+        return lines
+    step = F.pad(lines, (0, 1))[..., 1:] if by > 0 else F.pad(lines, (1, 0))[..., :-1]
+    return torch.lerp(lines, step, abs(by))
+
+
+def within_half_turn(lines: Tensor, angle: Tensor, before: float = 0.0) -> tuple[Tensor, Tensor]:
+    """Return lines (N, 1, D) and their angles (N,) in [-before, π - before), radians: half a turn on they are reversed.
+
+    Examples:
+        >>> import math, torch
+        >>> within_half_turn(torch.tensor([[[1.0, 2.0]]]), torch.tensor([1.5 * math.pi]))
+        (tensor([[[2., 1.]]]), tensor([1.5708]))
+    """
+    turns = torch.floor((angle.double() + before) / math.pi)
+    folded = (angle.double() - math.pi * turns).clamp(EDGE - before, math.pi - before - EDGE).float()
+    odd = (turns % 2 == 1).view(-1, 1, 1)
+    return torch.where(odd, lines.flip(-1), lines), folded
+
+
+def scale_of(found: Collection) -> float:
+    """Return s such that readings / s are in image widths, 1 for those that can be as they are.
+
+    The least reading that 999 of 1000 do not exceed becomes 0.5, so that images of ones to 50 % of their width are
+    within reach, as are fainter ones of any size.
+
+    Raises:
+        UserError: for readings that are 0, or as negative as no noise is.
+    """
+    lines = found.batch(spread_rows(len(found), MOST)).flatten().double()
+    ordered = lines.sort().values
+    low, high = ordered[len(ordered) // 100].item(), ordered[-1 - len(ordered) // 1000].item()
+    if high <= 0 or low < -NEGATIVE * high:
+        raise UserError(
+            f"{found.source}: readings run from {lines.min():g} to {lines.max():g}; line integrals are sums of what is "
+            "not negative: take -log(I / I0) of intensities, and subtract what is read beside the object"
+        )
+    return 1.0 if high >= SMALLEST and lines.max() <= LARGEST else float(f"{high / TYPICAL:.4g}")

@@ -1,0 +1,59 @@
+"""Line integrals of one's own: lines, one by one, or whole sinograms; readings in any unit."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..._types import UserError
+from .found import Found
+
+LINES = ("line", "lines", "line_integrals")
+SINOGRAMS = ("sinogram", "sinograms")
+MOST_RADIANS = 4 * math.pi
+"""Angles beyond are taken for degrees."""
+
+
+def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor] | None) -> Found:
+    """Return lines (N, 1, D): of an array (N, D) or (N, 1, D), or of sinograms (D, A) or (M, D, A).
+
+    The A lines of a sinogram lie together and are called `00007#2`; its A angles are those of every sinogram.
+
+    Raises:
+        UserError: for an array of another shape, or angles that are not as many.
+    """
+    if key in SINOGRAMS:
+        values = values[None] if values.ndim == 2 else values
+        expected = "sinograms are (M, D, A), detectors by angles, or one (D, A)"
+    else:
+        values = values[:, None] if values.ndim == 2 else values
+        expected = "line integrals are (N, D) or (N, 1, D)"
+    if values.ndim != 3 or (key in LINES and values.shape[1] != 1):
+        raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; {expected}")
+    if key in LINES:
+        return Found(values, latents=latents, source=str(path))
+    count, detectors, angles = values.shape
+    names = [f"{i:05d}#{k}" for i in range(count) for k in range(angles)]
+    repeated = None if latents is None else {name: angle.repeat(count) for name, angle in latents.items()}
+    return Found(values.mT.reshape(-1, 1, detectors), names, repeated, source=str(path))
+
+
+def count_of_angles(key: str, values: Tensor) -> int:
+    """Return how many known angles stand beside an array: one an item, of sinograms one a column."""
+    return values.shape[-1] if key in SINOGRAMS else len(values)
+
+
+def in_radians(path: Path, latents: Mapping[str, np.ndarray]) -> dict[str, Tensor]:
+    """Return angles in radians; those of a file of which one is beyond 4 π are taken for degrees, which is said."""
+    found = {name: torch.from_numpy(value.astype(np.float64)) for name, value in latents.items()}
+    if any(bool((angle.abs() > MOST_RADIANS).any()) for angle in found.values()):
+        ranges = ", ".join(f"{name} from {angle.min():g} to {angle.max():g}" for name, angle in found.items())
+        warnings.warn(f"{path}: {ranges}: looks like degrees and is taken so; radians are at most 4 π", stacklevel=2)
+        found = {name: angle.deg2rad() for name, angle in found.items()}
+    return {name: angle.float() for name, angle in found.items()}
