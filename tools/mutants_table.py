@@ -1028,6 +1028,13 @@ ADVERSARIAL = (
         "adversarial/test_augmentation.py",
     ),
     mutant(
+        "images: turned one by one before their gauge",
+        "domains/images.py",
+        "        if turns:",
+        "        if False:",
+        "domains/test_images.py",
+    ),
+    mutant(
         "measured lines: the longer end gets the zeros",
         "data/measured_lines.py",
         "(max(short, 0), max(-short, 0))",
@@ -1093,7 +1100,7 @@ ADVERSARIAL = (
     mutant(
         "digits: measured lines have narrow directions",
         "recipes/digits.py",
-        "if scan.spread is None and measured:",
+        "if scan.spread is None and source.measured:",
         "if False:",
         "recipes/test_digits.py",
     ),

@@ -122,11 +122,11 @@ def test_what_is_no_line_integral_is_refused(lines: Tensor) -> None:
 def test_a_collection_keeps_its_names_and_other_latents() -> None:
     latents = {"angle": torch.tensor([0.1, 0.1 + math.pi]), "view": torch.tensor([3.0, 4.0])}
     found = Collection(30 * torch.rand(2, 1, 8), names=["a", "b"], latents=latents, source="s")
-    made = standardised_lines(found, 4, center=4)
+    scale = scale_of(found)
+    made = standardised_lines(found, 4, scale, center=4)
     assert made.names == ("a", "b") and made.source == "s" and made.shape == (1, 9)
     assert made.latents is not None and made.latents["view"].tolist() == [3, 4]
     torch.testing.assert_close(made.latents["angle"], torch.tensor([0.1, 0.1]))
-    scale = scale_of(found)
     torch.testing.assert_close(made.items[0, 0, :8] * scale, found.items[0, 0])
     torch.testing.assert_close(made.items[1, 0, 1:].flip(-1) * scale, found.items[1, 0])
     assert standardised_lines(Collection(torch.rand(2, 1, 8)), 4).latents is None

@@ -27,23 +27,23 @@ NEGATIVE = 0.1
 """Readings below 0, as a share of the largest, that pass for noise."""
 
 
-def standardised_lines(found: Collection, bins: int, center: float | None = None) -> Collection:
+def standardised_lines(found: Collection, bins: int, scale: float = 1.0, center: float | None = None) -> Collection:
     """Return measured lines as `bins` directions without gaps make them (`projections.directions`).
 
     Args:
         found: lines (N, 1, D), with or without known angles.
         bins: directions over half a turn.
+        scale: what readings are divided by (`scale_of`).
         center: the detector, counted from 0, that the axis of rotation projects to (default: (D - 1) / 2).
 
     Raises:
-        UserError: for a center outside of the detectors, or readings that are no line integrals.
+        UserError: for a center outside of the detectors.
     """
     lines, latents = about_middle(found.floats(), center, found.source), found.latents
     if latents is not None and "angle" in latents:
         lines, angle = within_half_turn(lines, latents["angle"], math.pi / 2 / bins)
         latents = latents | {"angle": angle}
-    lines = lines / scale_of(found)
-    return Collection(lines, names=found.names, latents=latents, skipped=found.skipped, source=found.source)
+    return Collection(lines / scale, names=found.names, latents=latents, skipped=found.skipped, source=found.source)
 
 
 def about_middle(lines: Tensor, center: float | None, source: str = "memory") -> Tensor:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
-from ..metrics import Score, image_scores, line_scores, turned_scores
+from ..metrics import Gauge, Score, apply_to_images, image_scores, line_scores, turned_scores
 from ..projections.observation import Observation
 from .domain import Domain
 from .views import cover_half_a_turn, free_turns, view_bins
@@ -48,6 +48,10 @@ class Images(Domain):
         upright = image_scores(x, reference, bins=turns, seed=seed)
         if x.shape[2] != x.shape[3]:
             return upright
+        if turns:
+            x = apply_to_images(
+                x, Gauge(int(upright["gauge_turn"].value), bool(upright["gauge_reflected"].value), turns)
+            )
         return upright | turned_scores(x, reference, turns // 2 if turns else DIRECTIONS, seed)
 
     def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:

@@ -26,10 +26,11 @@ from torch import Tensor
 
 from .._types import UserError
 from ..ops.rotation import quarter_turn, reflect_x, rotate_image, rotate_y
+from ..ops.turning import turn_image
 from .distances import check_set, one_minus_iou
 from .shape_sets import minimum_matching_distance
 
-VOLUMES_AT_ONCE = 64
+VOLUMES_AT_ONCE, IMAGES_AT_ONCE = 64, 1024
 
 
 @dataclass(frozen=True)
@@ -104,13 +105,18 @@ def _turned(volumes: Tensor, azimuth: float) -> Tensor:
 def apply_to_images(images: Tensor, gauge: Gauge) -> Tensor:
     """Apply T_turn F^reflected to each image (B, C, H, W): first exchange left and right, then rotate clockwise.
 
-    Quarter turns of square images are permutations, others bilinear; what leaves the image is lost.
+    Quarter turns of square images are permutations, other turns have no blur (`ops.turn_image`); those of images that
+    are not square are bilinear. What leaves the image is lost.
     """
     images = images.flip(3) if gauge.reflected else images
+    square = images.shape[2] == images.shape[3]
     quarters, rest = divmod(4 * gauge.turn, gauge.bins)
-    if rest == 0 and images.shape[2] == images.shape[3]:
+    if rest == 0 and square:
         return torch.rot90(images, -quarters, (2, 3)) if quarters else images
-    return rotate_image(images, images.new_full((len(images),), -gauge.azimuth))
+    turned = turn_image if square else rotate_image
+    return torch.cat(
+        [turned(part, part.new_full((len(part),), -gauge.azimuth)) for part in images.split(IMAGES_AT_ONCE)]
+    )
 
 
 @torch.no_grad()
