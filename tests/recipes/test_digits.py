@@ -157,3 +157,33 @@ def test_the_axis_of_rotation_is_that_of_measured_lines(tmp_path: Path) -> None:
         digits(data=measured(tmp_path, 1.0), center=40, steps=1)
     with pytest.raises(UserError, match="center=16 is of measured lines"):
         digits(center=16, steps=1)
+
+
+def test_anchors_are_a_panel_of_known_directions_in_the_same_unit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    np.savez(tmp_path / "some.npz", lines=rng.random((200, 32)) * 40)
+    anchors = measured(tmp_path, 40.0)
+    recipe = digits(data=tmp_path / "some.npz", views="predicted", anchors=anchors, center=16, steps=1)
+    unlabelled, known = recipe.panels
+    assert isinstance(known.assignment, Known) and isinstance(unlabelled.assignment, Predicted)
+    assert len(known) == 60 and len(unlabelled) == 200 and known.shape == unlabelled.shape == (1, 33)
+    largest = [max(part.items.max().item() for part in panel.collections) for panel in recipe.panels]
+    assert largest[0] == pytest.approx(largest[1], rel=0.02) and known.penalty_scale > 1
+    for observation, collection in zip(known.observations, known.collections, strict=True):
+        assert observation.prior.contains(collection.latents).all()
+    images, of_images = digits(views="predicted", size=32, anchors=measured(tmp_path, 0.5), spread=9.0, steps=1).panels
+    assert isinstance(of_images.assignment, Known) and images.shape == of_images.shape
+
+
+def test_anchors_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    anchors = measured(tmp_path, 0.5)
+    with pytest.raises(UserError, match="has lines of 32 detectors, not 16"):
+        digits(views="predicted", size=16, anchors=anchors, steps=1)
+    with pytest.raises(UserError, match="outside every bin"):
+        digits(views="predicted", anchors=anchors, steps=1)
+    for views in ("known", "direct"):
+        with pytest.raises(UserError, match=f"leave them out with {views} views"):
+            digits(views=views, anchors=anchors, steps=1)
+    np.savez(tmp_path / "none.npz", lines=np.ones((4, 32), np.float32))
+    with pytest.raises(UserError, match="known views are asked for"):
+        digits(views="predicted", anchors=tmp_path / "none.npz", steps=1)

@@ -22,7 +22,7 @@ from ..adversarial.penalties import R1R2, GradientPenalty
 from ..assignment import GaussianInitialiser, Panel, Predicted
 from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
-from ..data.measured_lines import standardised_lines
+from ..data.measured_lines import scale_of, standardised_lines
 from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
 from ..projections.line_integral import LineIntegral, directions
 from ..training import Adam, Options, Recipe, resumable
@@ -30,6 +30,8 @@ from .pairing import Views, five_rounds, frequent_rounds, panel_of
 
 DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
+ANCHOR_PENALTY = 10.0
+"""Factor of the gradient penalty of anchors."""
 
 
 @resumable
@@ -41,6 +43,7 @@ def digits(
     bins: int = 10,
     spread: float | None = None,
     center: float | None = None,
+    anchors: Path | None = None,
     views_per_image: int = 1,
     seed: int = 0,
     channels: int = 128,
@@ -65,6 +68,8 @@ def digits(
             leaves no gap).
         center: of measured lines, the detector, counted from 0, that the axis of rotation projects to (default: the
             middle, (D - 1) / 2; scikit-image's is D // 2).
+        anchors: an .npz of a few more lines, some 50, with their angles; generated images turn to them, where without
+            they may be turned and mirrored.
         views_per_image: line integrals taken of each image.
         seed: of the weights, of every draw, and of the line integrals taken.
         channels: of the generator's 4² level.
@@ -77,7 +82,9 @@ def digits(
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
     predicted = initialised_rounds(rounds, balance, bins)
-    panel = line_panel(data, views, Scan(size, bins, spread, views_per_image, center), seed, predicted, whole=True)
+    scan = Scan(size, bins, spread, views_per_image, center)
+    source = source_of(data, views, scan)
+    panel = line_panel(source, views, scan, seed, predicted, whole=True)
     direct = views == "direct"
     mean, deviation = readings(panel)
     gamma = (0.1 if direct else 0.02) if gamma is None else gamma
@@ -86,7 +93,7 @@ def digits(
         discriminator=partial(Discriminator, channels=32, bottleneck=256)
         if direct
         else partial(LineDiscriminator, mean=mean, deviation=deviation),
-        panels=[panel],
+        panels=[panel, *([anchor_panel(anchors, source, views, scan)] if anchors else [])],
         loss=Relativistic(),
         penalty=R1R2(gamma * deviation**2, every=8),
         augmentation=Shift(shift) if shift else None,
@@ -141,10 +148,11 @@ def digits_paper(
     """
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
     predicted = five_rounds(predictor_steps, predictor_images, clusters)
+    scan = Scan(size, bins, spread, views_per_image, center)
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),
         discriminator=partial(Discriminator, channels=discriminator_channels, spectral=True, slope=0.1),
-        panels=[line_panel(data, views, Scan(size, bins, spread, views_per_image, center), seed, predicted)],
+        panels=[line_panel(source_of(data, views, scan), views, scan, seed, predicted)],
         loss=Wasserstein(),
         penalty=GradientPenalty(10.0),
         generator_optimiser=adam,
@@ -181,37 +189,71 @@ class Scan(NamedTuple):
     center: float | None = None
 
 
-def line_panel(
-    data: Path | None, views: Views, scan: Scan, seed: int, predicted: Predicted, whole: bool = False
-) -> Panel:
-    """Return the panel of line integrals of the images of `data`, or of the lines that it holds.
+class Source(NamedTuple):
+    """What `data` holds: images, or lines that were measured, as `LineIntegral` makes them, divided by `scale`."""
 
-    With `whole`, unknown directions may lie anywhere around. If they were confined to one half of a turn, images that
-    are turned would need lines read from the other end, and could never come right.
+    collection: Collection
+    line_integral: LineIntegral
+    measured: bool
+    scale: float
+
+
+def source_of(data: Path | None, views: Views, scan: Scan) -> Source:
+    """Read images or measured lines.
+
+    Raises:
+        UserError: for volumes, or what does not go with the rest.
     """
     found = Collection(embedded_digits(scan.size)) if data is None else read(data, scan.size, pictures="images")
     if found.shape[0] != 1:
         raise UserError(f"{data}: holds volumes; images are learned from pictures or line integrals")
-    measured = found.items.dim() == 3
-    if views == "direct" and measured:
-        raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
-    if scan.center is not None and not measured:
+    if found.items.dim() == 3:
+        if views == "direct":
+            raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
+        scale = scale_of(found)
+        found = standardised_lines(found, scan.bins, scale, scan.center)
+        return Source(found, LineIntegral(found.shape[1]), True, scale)
+    if scan.center is not None:
         raise UserError(f"{data or 'digits'}: center={scan.center:g} is of measured lines; leave it out for images")
-    if measured:
-        found = standardised_lines(found, scan.bins, scan.center)
-    seen = partial(
-        directions, scan.bins, spread_of(scan, measured), LineIntegral(found.shape[1] if measured else scan.size)
-    )
-    if views != "direct" and not measured:
+    return Source(found, LineIntegral(scan.size), False, 1.0)
+
+
+def line_panel(source: Source, views: Views, scan: Scan, seed: int, predicted: Predicted, whole: bool = False) -> Panel:
+    """Return the panel of line integrals of images, or of measured lines.
+
+    With `whole`, unknown directions may lie anywhere around. If they were confined to one half of a turn, images that
+    are turned would need lines read from the other end, and could never come right.
+    """
+    found, seen = source.collection, partial(directions, scan.bins, spread_of(scan, source), source.line_integral)
+    if views != "direct" and not source.measured:
         where = derived_seed(seed, 0, "line integrals")
         found = observe(found, seen(), scan.views_per_image, where, chunk=4096)
     observations = seen(whole=whole and views in ("predicted", "learned"))
     return panel_of(views, observations, found, predicted)
 
 
-def spread_of(scan: Scan, measured: bool) -> float:
+def anchor_panel(anchors: Path, source: Source, views: Views, scan: Scan) -> Panel:
+    """Return the panel of a few lines of known direction, to which generated images turn.
+
+    Its discriminator would know so few lines by heart, so their gradient penalty is larger.
+
+    Raises:
+        UserError: if no direction is unknown, or the lines do not go with the others.
+    """
+    if views in ("known", "direct"):
+        raise UserError(
+            f"{anchors}: anchors stand beside lines of unknown direction; leave them out with {views} views"
+        )
+    found = standardised_lines(Collection.lines(anchors), scan.bins, source.scale, scan.center)
+    if found.shape[1] != source.line_integral.bins:
+        raise UserError(f"{anchors}: has lines of {found.shape[1]} detectors, not {source.line_integral.bins}")
+    panel = panel_of("known", directions(scan.bins, spread_of(scan, source), source.line_integral), found)
+    return replace(panel, penalty_scale=ANCHOR_PENALTY)
+
+
+def spread_of(scan: Scan, source: Source) -> float:
     """Return half the width of each direction, radians: of measured lines nobody says that some angles are missing."""
-    if scan.spread is None and measured:
+    if scan.spread is None and source.measured:
         return math.pi / 2 / max(scan.bins, 1)
     return math.radians(DIGITS_SPREAD if scan.spread is None else scan.spread)
 
