@@ -14,6 +14,7 @@ direct      the samples themselves               `Known`, the identity as projec
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -22,6 +23,7 @@ import torch
 from .._types import UserError
 from ..assignment import (
     Estimator,
+    JointlyPredicted,
     Known,
     LearnedPrior,
     Panel,
@@ -32,6 +34,7 @@ from ..assignment import (
     by_view,
     views_of,
 )
+from ..assignment.predicted import Initialiser
 from ..data import Collection
 from ..networks import ViewPredictor
 from ..projections.base import Identity
@@ -82,6 +85,20 @@ def frequent_rounds(rounds: int, balance: float, start: float = 0.05) -> Predict
     return Predicted(
         Rounds(starts, LEAST_STEPS), PredictorFit(images=1024, steps=30), Estimator("posterior", balance=balance)
     )
+
+
+def jointly_predicted(
+    rounds: int,
+    balance: float,
+    information: float,
+    mirrored: tuple[int, ...] = (),
+    initialiser: Initialiser | None = None,
+    window: int | None = None,
+) -> JointlyPredicted:
+    """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along."""
+    drawn = frequent_rounds(rounds, balance, start=0.01)
+    fit, estimator = replace(drawn.fit, mirrored=mirrored or None), replace(drawn.estimator, window=window)
+    return JointlyPredicted(drawn.rounds, fit, estimator, initialiser, weight=information)
 
 
 def five_rounds(steps: int, images: int, clusters: int | None = None, binarise: bool = False) -> Predicted:

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
-from ..assignment import JointlyPredicted, LearnedLatent, MeanShapeInitialiser, Panel, Predicted
+from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
@@ -26,7 +26,7 @@ from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training import Adam
 from ..training.estimate import require_memory
-from .pairing import Views, frequent_rounds, panel_of
+from .pairing import Views, panel_of
 
 PROCEDURAL_CHAIRS = 1000
 CHECKED = 1024
@@ -41,16 +41,6 @@ def regulariser_of(solid: float, connected: float) -> Regulariser | None:
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
     terms += [Connected(connected)] if connected else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
-
-
-def jointly_predicted(
-    rounds: int, balance: float, information: float, mirrored: tuple[int, ...], init_views: bool
-) -> JointlyPredicted:
-    """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along."""
-    drawn = frequent_rounds(rounds, balance, start=0.01)
-    fit = replace(drawn.fit, mirrored=mirrored or None)
-    initialiser = MeanShapeInitialiser(mirror=bool(mirrored), balance=balance) if init_views else None
-    return JointlyPredicted(drawn.rounds, fit, drawn.estimator, initialiser, weight=information)
 
 
 def generator_of(

@@ -15,16 +15,16 @@ from ..adversarial.adaptive import Adaptive
 from ..adversarial.augmentation import Affine
 from ..adversarial.losses import Hinge, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
+from ..assignment import MeanShapeInitialiser
 from ..domains import Volumes
 from ..networks import Discriminator, VoxelGenerator
 from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, Tries, resumable
-from .pairing import Views, five_rounds, panel_of
+from .pairing import Views, five_rounds, jointly_predicted, panel_of
 from .shape_panels import (
     discriminator_of,
     falling_adam,
     generator_of,
-    jointly_predicted,
     mirror_of,
     pictures_of,
     regulariser_of,
@@ -107,7 +107,8 @@ def shapes(
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     symmetry = mirror_of(mirror, views, collection)
     mirrored = mirrored_views(bins, bands or 1) if symmetry else ()
-    joint = jointly_predicted(rounds, balance, information, mirrored, init_views)
+    initialiser = MeanShapeInitialiser(mirror=bool(symmetry), balance=balance) if init_views else None
+    joint = jointly_predicted(rounds, balance, information, mirrored, initialiser)
     panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if direct else density),
