@@ -81,8 +81,8 @@ def shapes(
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: threshold rendered silhouettes at one half.
         flips: learn from the mirror images of the pictures too; for small collections.
-        augment: hold a tenth of the pictures out, and shift, zoom and roll what discriminators see when they learn the
-            others by heart (`Adaptive`).
+        augment: hold a tenth of the pictures out, and when discriminators learn the others by heart, shift, zoom and
+            roll what they see, and raise their penalty up to tenfold (`Adaptive`).
         seed: of the weights, of every draw, and of the rendered silhouettes.
         channels: width of the generator.
         rank: plane-line products an axis.
@@ -116,7 +116,7 @@ def shapes(
         panels=[panel],
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
-        augmentation=None if panel.held_out is None else Adaptive(Affine()),
+        augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
         regulariser=regulariser_of(0.0 if direct else solid, connected),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
