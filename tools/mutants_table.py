@@ -1035,6 +1035,27 @@ ADVERSARIAL = (
         "domains/test_images.py",
     ),
     mutant(
+        "line integrals: the opposite direction is a quarter turn on",
+        "projections/line_integral.py",
+        "(k + count) % (2 * count)",
+        "(k + count // 2) % (2 * count)",
+        "projections/test_line_integral.py",
+    ),
+    mutant(
+        "digits: a predictor that does not know that lines may be read backwards",
+        "recipes/digits.py",
+        "opposite_directions(bins), window=bins)",
+        "window=bins)",
+        "recipes/test_digits.py",
+    ),
+    mutant(
+        "digits: anchors in a unit of their own",
+        "recipes/digits.py",
+        "scan.bins, source.scale, scan.center)",
+        "scan.bins, 1.0, scan.center)",
+        "recipes/test_digits.py",
+    ),
+    mutant(
         "measured lines: the longer end gets the zeros",
         "data/measured_lines.py",
         "(max(short, 0), max(-short, 0))",

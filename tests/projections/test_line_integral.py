@@ -9,7 +9,7 @@ import torch
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.projections.line_integral import LineIntegral, directions
+from unproject.projections.line_integral import LineIntegral, directions, opposite_directions
 
 
 def images(n: int) -> torch.Tensor:
@@ -71,3 +71,11 @@ def test_a_whole_turn_of_directions() -> None:
 def test_mistakes(make) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(UserError, match="give"):
         make()
+
+
+def test_opposite_directions_show_the_same_backwards() -> None:
+    x = torch.rand(1, 1, 12, 12, generator=torch.Generator().manual_seed(0))
+    around = directions(5, 0.0, LineIntegral(), whole=True)
+    lines = [seen.projection(x, **seen.prior.sample(1, torch.Generator())) for seen in around]
+    for k, opposite in enumerate(opposite_directions(5)):
+        torch.testing.assert_close(lines[opposite], lines[k].flip(-1), atol=1e-4, rtol=0)

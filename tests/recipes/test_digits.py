@@ -11,14 +11,14 @@ import pytest
 import torch
 
 from unproject._types import UserError
-from unproject.assignment import Known, LearnedPrior, Panel, Predicted, Unassigned
+from unproject.assignment import JointlyPredicted, Known, LearnedPrior, Panel, Predicted, Unassigned
 from unproject.data import digits as embedded
 from unproject.data.readers.images import fitted
 from unproject.projections.base import Identity
 from unproject.recipes import find
 from unproject.recipes.digits import digits, digits_paper
 from unproject.recipes.pairing import Views
-from unproject.training import Recipe
+from unproject.training import Recipe, Tries
 
 
 def only_panel(recipe: Recipe) -> Panel:
@@ -187,3 +187,11 @@ def test_anchors_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "none.npz", lines=np.ones((4, 32), np.float32))
     with pytest.raises(UserError, match="known views are asked for"):
         digits(views="predicted", anchors=tmp_path / "none.npz", steps=1)
+
+
+def test_unknown_directions_are_predicted_all_along_by_one_who_knows_the_symmetry() -> None:
+    recipe = digits(views="predicted", size=16, bins=3, tries=2, information=0.2, steps=1)
+    assignment = only_panel(recipe).assignment
+    assert isinstance(assignment, JointlyPredicted) and assignment.weight == 0.2
+    assert assignment.fit.mirrored == (3, 4, 5, 0, 1, 2) and assignment.estimator.window == 3
+    assert recipe.tries == Tries(2) and digits(size=16, steps=1).tries is None

@@ -27,9 +27,10 @@ class PredictorFit:
         steps, batch, learning_rate: of the fit.
         binarise: threshold images at ½ before the predictor sees them.
         fresh: start from new weights in every round instead of the last round's.
-        mirrored: the view of which the flipped image is as likely as the image is of each view, for objects that are
-            their own mirror images (`projections.mirrored_views`). Half of the images are flipped in the fit, and
-            probabilities are means over an image and its flip (default: none are flipped).
+        mirrored: the view of which the flipped image is as likely as the image is of each view: for silhouettes of
+            objects that are their own mirror images (`projections.mirrored_views`), for line integrals of any
+            (`opposite_directions`). Half of the images are flipped in the fit, and probabilities are means over an
+            image and its flip (default: none are flipped).
 
     Examples:
         >>> import torch, unproject as up

@@ -98,3 +98,14 @@ def directions(
         )
         for k, middle in enumerate(middles)
     )
+
+
+def opposite_directions(count: int) -> tuple[int, ...]:
+    """Return, for each of 2 `count` directions over a whole turn, the opposite one, whose lines are read backwards.
+
+    Examples:
+        >>> from unproject.projections.line_integral import opposite_directions
+        >>> opposite_directions(2)
+        (2, 3, 0, 1)
+    """
+    return tuple((k + count) % (2 * count) for k in range(2 * count))

@@ -19,14 +19,14 @@ from .._types import UserError
 from ..adversarial.augmentation import Shift
 from ..adversarial.losses import Relativistic, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..assignment import GaussianInitialiser, Panel, Predicted
+from ..assignment import Panel, Predicted
 from ..data import Collection, observe, read
 from ..data import digits as embedded_digits
 from ..data.measured_lines import scale_of, standardised_lines
 from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothImageGenerator
-from ..projections.line_integral import LineIntegral, directions
-from ..training import Adam, Options, Recipe, resumable
-from .pairing import Views, five_rounds, frequent_rounds, panel_of
+from ..projections.line_integral import LineIntegral, directions, opposite_directions
+from ..training import Adam, Options, Recipe, Tries, resumable
+from .pairing import Views, five_rounds, jointly_predicted, panel_of
 
 DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
@@ -50,8 +50,10 @@ def digits(
     rate: float = 1e-3,
     gamma: float | None = None,
     shift: float = 0.0,
-    rounds: int = 15,
+    information: float = 0.3,
+    rounds: int = 40,
     balance: float = 0.8,
+    tries: int = 3,
     **options: Unpack[Options],
 ) -> Recipe:
     """Images from line integrals, for a laptop: a smooth generator, a fully connected discriminator, lazy R1 + R2.
@@ -76,12 +78,15 @@ def digits(
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.02; 0.1 for direct training).
         shift: shift all that the discriminator sees by up to so many pixels; 2 for small collections.
+        information: weight of the preference for images whose directions can be predicted (`JointlyPredicted`).
         rounds: how often directions are predicted anew, evenly over the budget.
-        balance: how far the distribution of predicted directions is moved to the uniform one, 0 to 1.
+        balance: how far the distribution of predicted directions is moved to the uniform one, 0 to 1, while lines hold
+            no information of them; the more they hold, the less, down to a quarter of it.
+        tries: short starts, if directions are predicted; the one whose lines tell most of theirs goes on.
         options: fields of `Recipe`.
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
-    predicted = initialised_rounds(rounds, balance, bins)
+    predicted = jointly_predicted(rounds, balance, information, opposite_directions(bins), window=bins)
     scan = Scan(size, bins, spread, views_per_image, center)
     source = source_of(data, views, scan)
     panel = line_panel(source, views, scan, seed, predicted, whole=True)
@@ -103,6 +108,7 @@ def digits(
         views_per_sample=1 if direct else 4,
         steps=6000,
         seed=seed,
+        tries=Tries(tries) if views == "predicted" else None,
     ).configured(options)
 
 
@@ -162,21 +168,6 @@ def digits_paper(
         steps=100_000,
         seed=seed,
     ).configured(options)
-
-
-def initialised_rounds(rounds: int, balance: float, bins: int) -> Predicted:
-    """Return rounds for lines measured within some half turn of `bins` directions, initialised by a Gaussian.
-
-    Rounds are fewer and longer than for silhouettes: a short round does not bring images together again that are turned
-    against one another, and a predictor that is fitted in haste loses what the initial directions had right.
-    """
-    often = frequent_rounds(rounds, balance, start=0.15)
-    return replace(
-        often,
-        fit=replace(often.fit, images=8192, steps=150),
-        estimator=replace(often.estimator, window=bins),
-        initialiser=GaussianInitialiser(),
-    )
 
 
 class Scan(NamedTuple):
