@@ -1,151 +1,135 @@
-"""MNIST from line integrals: Known, Predicted, a learned prior, one discriminator and direct training, side by side.
+"""MNIST from line integrals: what is known of the directions, and what images come to, upright and up to their turns.
 
-    python benchmarks/digits.py --data FOLDER_OF_MNIST --minutes 20 --seeds 2 --parallel 2 --threads 1
+    python benchmarks/digits.py --data FOLDER_OF_MNIST --out OUT --minutes 20 --seeds 0 1
+    python benchmarks/digits.py --data FOLDER_OF_MNIST --out OUT --minutes 20 --seeds 0 --arms predicted anchored
 
-Every arm is `unproject train digits` with one flag changed and the same wall clock. Each is scored with 10000 images
-against the 10000 test images, on the features of the digit classifier, and so are 10000 training images. The gauge of
-the arms that do not know the directions is chosen on training images. Arms that are finished are not computed again:
-docs/results/digits/ARM-SEED.json. figure.webp there is the seed's Fig. 12: data, Known, Predicted.
+Each arm trains `digits` on one thread for some minutes of CPU time, so that it matters little what runs beside:
+
+    direct     on the images themselves
+    known      on lines of known direction
+    predicted  on lines of unknown direction
+    anchored   the same, beside 50 lines of other images with their angles (--anchors)
+    learned    only the distribution of directions is estimated; single: one discriminator for all lines
+
+10,000 images are scored against the 10,000 test images, upright and up to the turn of each, and so are 10,000 training
+images. Where directions are unknown, the gauge is chosen on training images. A line of JSON an arm is written to
+OUT/results.jsonl, an arm that is there is left out; OUT/ARM-SEED.png has sixty images, none chosen, after their gauge.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
-import time
+import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from PIL import Image, ImageDraw, ImageFont
-from results import write
+import numpy as np
+import torch
+from any_class import trained
+from results import Results, count_cpu_seconds
 from torch import Tensor
 
+import unproject as up
 from unproject.data import Collection
-from unproject.metrics import Gauge, Score, apply_to_images, confusion_picture, image_scores, view_scores
-from unproject.reproduce.result import provenance
-from unproject.training import load
+from unproject.data.sampling import spread_rows
+from unproject.metrics import Gauge, apply_to_images, image_scores, turned_scores
+from unproject.projections.line_integral import directions
 from unproject.training.evaluation import accuracy_of, supervised_ceiling, true_views, turns_of
 
-ARMS = ("known", "predicted", "direct")
-RESULTS = Path(__file__).parent.parent / "docs" / "results" / "digits"
-SIZE, SCORED, FINER = 32, 10_000, 2
+ARMS = ("direct", "known", "predicted", "anchored", "learned", "single")
+SIZE, SCORED, FINER, ANCHORS = 32, 10_000, 2, 50
+SHOWN = ("frechet", "recall", "frechet_turned", "precision_turned", "recall_turned")
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True, help="folder with the four idx files of MNIST")
-    parser.add_argument("--minutes", type=float, default=20)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--parallel", type=int, default=1, help="runs at a time")
-    parser.add_argument("--threads", type=int, default=2, help="threads a run")
-    parser.add_argument("--runs", type=Path, default=Path("runs/digits"))
-    parser.add_argument("--arms", nargs="*", default=list(ARMS), help="also: learned, single")
-    options = parser.parse_args(argv)
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    jobs = [(arm, seed) for seed in range(options.seeds) for arm in options.arms]
-    jobs = [job for job in jobs if not result(*job).exists()]
-    with ThreadPoolExecutor(options.parallel) as pool:
-        for _ in pool.map(lambda job: train(*job, options), jobs):
-            pass
-    training, test = (Collection.images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in PARTS)
-    for arm, seed in jobs:
-        score(arm, seed, options, training, test)
-    if not result("training-set", 0).exists():
-        values = image_scores(training[:SCORED], test)
-        write(result("training-set", 0), {"arm": "training-set", "scores": as_dict(values)})
-    figure(test, options)
-    print(table())
+def anchors_of(test: Tensor, out: Path) -> Path:
+    """Write lines of images that no arm trains on, with their angles; return the file."""
+    path = out / "anchors.npz"
+    if not path.exists():
+        some = Collection(test[spread_rows(len(test), ANCHORS)])
+        seen = up.data.observe(some, directions(10, math.radians(2.5)), seed=11)
+        np.savez(path, lines=seen.items[:, 0].numpy(), angle=(seen.latents or {})["angle"].numpy())
+    return path
+
+
+def run_arm(arm: str, seed: int, options: argparse.Namespace, training: Tensor, test: Tensor) -> dict[str, Any]:
+    """Train and score one arm."""
+    flags: dict[str, Any] = {"data": options.data / f"{PARTS[0]}-images-idx3-ubyte.gz", "minutes": options.minutes}
+    anchors = {"anchors": anchors_of(test, options.out)} if arm == "anchored" else {}
+    views = "predicted" if arm == "anchored" else arm
+    recipe = up.recipes.find("digits")(views=views, seed=seed, **flags, **anchors)
+    run, found = trained(recipe, options.out / "runs" / f"{arm}-{seed}")
+    states = run.assignments(recipe)
+    turns = turns_of(run.domain, states) if arm not in ("direct", "anchored") else None
+    images, scores = scored(run.sample(SCORED, seed), training, test, turns and turns * FINER, seed)
+    up.export.silhouette_sheet(images[:60], columns=10, scale=2).save(options.out / f"{arm}-{seed}.png")
+    true = true_views(states[0].panel) if views == "predicted" else None
+    if true is not None:
+        panel = states[0].panel
+        exact = accuracy_of(run.domain, panel, states[0].views, true).exact
+        scores |= {"views": exact, "views_of_ceiling": exact / ceiling(run, recipe, options.out, true)}
+    return found | scores
+
+
+def scored(
+    images: Tensor, training: Tensor, test: Tensor, bins: int | None, seed: int
+) -> tuple[Tensor, dict[str, float]]:
+    """Return images after their gauge, and all scores."""
+    scores = image_scores(images, test, selection=training, bins=bins, seed=seed)
+    if bins:
+        images = apply_to_images(
+            images, Gauge(int(scores["gauge_turn"].value), bool(scores["gauge_reflected"].value), bins)
+        )
+    scores |= turned_scores(images, test, seed=seed)
+    return images, {name: score.value for name, score in scores.items()}
+
+
+def ceiling(run: up.Run, recipe: up.Recipe, out: Path, true: Tensor) -> float:
+    """Return the accuracy of a predictor that is trained on the true directions; computed once."""
+    kept = out / "ceiling.txt"
+    if not kept.exists():
+        kept.write_text(str(supervised_ceiling(run.domain, recipe.panels[0], true, 0).exact))
+    return float(kept.read_text())
+
+
+def table(results: Sequence[dict[str, Any]]) -> str:
+    """Return the results as a Markdown table; in brackets, how many times the direct arm's of the same seed."""
+    direct = {r["seed"]: r for r in results if r["arm"] == "direct"}
+    lines = [
+        "| arm | seed | steps | " + " | ".join(SHOWN) + " | views, of the ceiling |",
+        "|---" * (len(SHOWN) + 4) + "|",
+    ]
+    for r in sorted(results, key=lambda r: ((*ARMS, "training set").index(r["arm"]), r["seed"])):
+        base = direct.get(r["seed"])
+        cells = [f"{r[name]:.3g}" + (f" ({r[name] / base[name]:.2f}×)" if base else "") for name in SHOWN]
+        views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
+        lines.append(f"| {r['arm']} | {r['seed']} | {r.get('steps', '')} | {' | '.join(cells)} | {views} |")
+    return "\n".join(lines)
 
 
 PARTS = ("train", "t10k")
 
 
-def result(arm: str, seed: int) -> Path:
-    return RESULTS / f"{arm}-{seed}.json"
-
-
-def train(arm: str, seed: int, options: argparse.Namespace) -> None:
-    out = options.runs / f"{arm}-{seed}"
-    if (out / "recipe.json").exists():
-        command = ["resume", str(out)]
-    else:
-        data = options.data / "train-images-idx3-ubyte.gz"
-        flags = {"data": data, "views": arm, "minutes": options.minutes, "seed": seed, "out": out}
-        command = ["train", "digits", *[part for k, v in flags.items() for part in (f"--{k}", str(v))]]
-    subprocess.run(
-        [sys.executable, "-m", "unproject", *command, "--quiet", "--threads", str(options.threads)], check=True
-    )
-
-
-def score(arm: str, seed: int, options: argparse.Namespace, training: Tensor, test: Tensor) -> None:
-    run = load(options.runs / f"{arm}-{seed}")
-    recipe = run.recipe()
-    (state,) = run.assignments(recipe)
-    turns = turns_of(run.domain, [state])
-    generated = run.generator.sample(SCORED, seed)
-    scores = image_scores(generated, test, selection=training, bins=turns and turns * FINER, seed=seed)
-    true = true_views(state.panel)
-    if arm == "predicted" and true is not None:
-        found = accuracy_of(run.domain, state.panel, state.views, true)
-        scores |= view_scores(found, supervised_ceiling(run.domain, state.panel, true, recipe.seed), seed)
-        confusion_picture(found.confusion).save(RESULTS / f"{arm}-{seed}-confusion.webp")
-    about = {"arm": arm, "seed": seed, "steps": run.step} | provenance(run.path)
-    write(result(arm, seed), {**about, "scores": as_dict(scores)})
-
-
-def as_dict(scores: dict[str, Score]) -> dict[str, Any]:
-    return {name: asdict(value) for name, value in scores.items()}
-
-
-def figure(test: Tensor, options: argparse.Namespace) -> None:
-    """Data, Known and Predicted, the last after its gauge: 60 of each, none chosen."""
-    columns = {"data": test[:60]}
-    for arm in ("known", "predicted", "direct"):
-        if result(arm, 0).exists() and (options.runs / f"{arm}-0" / "recipe.json").exists():
-            columns[arm] = apply_to_images(load(options.runs / f"{arm}-0").generator.sample(60, 1), gauge_of(arm))
-    width, height, top = 6 * SIZE * 2, 10 * SIZE * 2, 24
-    sheet = Image.new("L", ((width + 16) * len(columns) - 16, height + top), 255)
-    draw = ImageDraw.Draw(sheet)
-    for k, (name, images) in enumerate(columns.items()):
-        grid = images[:, 0].view(10, 6, SIZE, SIZE).transpose(1, 2).reshape(10 * SIZE, 6 * SIZE)
-        picture = Image.fromarray((grid * 255).byte().numpy()).resize((width, height))
-        sheet.paste(picture, (k * (width + 16), top))
-        draw.text((k * (width + 16), 2), name, 0, ImageFont.load_default(16))
-    sheet.save(RESULTS / "figure.webp")
-
-
-def gauge_of(arm: str) -> Gauge:
-    """What was applied to the generated images of seed 0 when they were scored."""
-    scores = json.loads(result(arm, 0).read_text())["scores"]
-    if "gauge_turn" not in scores:
-        return Gauge()
-    bins = int(scores["gauge_turn"]["protocol"].partition("in 1/")[2].split()[0])
-    return Gauge(int(scores["gauge_turn"]["value"]), bool(scores["gauge_reflected"]["value"]), bins)
-
-
-def table() -> str:
-    """All results so far, as Markdown; in brackets, how many times the direct arm's of the same seed."""
-    columns = ("frechet", "kernel_image", "precision", "recall", "density", "coverage", "class_distance")
-    lines = ["| arm | seed | steps | " + " | ".join(columns) + " |", "|---" * (len(columns) + 3) + "|"]
-    for file in sorted(RESULTS.glob("*.json")):
-        content = json.loads(file.read_text())
-        base = result("direct", content.get("seed", 0))
-        beside = json.loads(base.read_text())["scores"] if base.exists() else None
-        cells = []
-        for column in columns:
-            value = content["scores"][column]["value"]
-            cells.append(f"{value:.3g}" + (f" ({value / beside[column]['value']:.2f}×)" if beside else ""))
-        first = [content["arm"], str(content.get("seed", "")), str(content.get("steps", ""))]
-        lines.append("| " + " | ".join(first + cells) + " |")
-    return "\n".join(lines)
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder with the idx files of MNIST")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, default=20.0)
+    parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1))
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS[:4])
+    options = parser.parse_args(argv)
+    torch.set_num_threads(1)
+    count_cpu_seconds()
+    results = Results(options.out / "results.jsonl", ("arm", "seed"))
+    training, test = (Collection.images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in PARTS)
+    for seed in options.seeds:
+        for arm in options.arms:
+            if not results.has(arm, seed):
+                results.add({"arm": arm, "seed": seed, **run_arm(arm, seed, options, training, test)})
+    if not results.has("training set", 0):
+        results.add({"arm": "training set", "seed": 0, **scored(training[:SCORED], training, test, None, 0)[1]})
+    print(table(results.rows))
 
 
 if __name__ == "__main__":
-    began = time.monotonic()
     main()
-    print(f"{(time.monotonic() - began) / 60:.1f} minutes")
