@@ -2372,10 +2372,17 @@ ANY_CLASS = (
         "assignment/test_jointly_predicted.py::test_projections_may_tell_as_much_as_pictures_do",
     ),
     mutant(
-        "joint: what pictures told once is forgotten",
+        "joint: the last round alone says what pictures tell",
         "assignment/jointly_predicted.py",
-        "max(self.peak_of_data, self.of_data)",
-        "self.of_data",
+        "NEWEST = 0.5",
+        "NEWEST = 1.0",
+        "assignment/test_jointly_predicted.py",
+    ),
+    mutant(
+        "joint: a try whose projections tell too much is the best",
+        "assignment/jointly_predicted.py",
+        "return of_data - max(",
+        "return of_data + max(",
         "assignment/test_jointly_predicted.py",
     ),
     mutant(

@@ -144,8 +144,7 @@ def test_the_weight_falls_in_a_straight_line(progress: float, share: float) -> N
 def test_projections_may_tell_as_much_as_pictures_do(fakes_know: float, early: float, late: float) -> None:
     """More is not asked for while views are sought, and taken back when they are found."""
     state = begun(weight=0.4, margin=0.4, fall=(0.2, 0.6))
-    state.of_data.fill_(0.5)
-    state.peak_of_data.fill_(0.7)
+    state.of_data.fill_(0.7)
     state.of_fakes.fill_(fakes_know)
     for progress, share in ((0.0, early), (0.2, early), (0.4, (early + late) / 2), (0.6, late), (1.3, late)):
         assert state.generator_weight(progress) == pytest.approx(0.4 * share, abs=1e-6)
@@ -220,12 +219,22 @@ def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balance
     p = sure if told else vague
     state._probabilities = lambda: p.clone()  # pyright: ignore[reportPrivateUsage]
     found = state._responsibilities()  # pyright: ignore[reportPrivateUsage]
-    assert state.of_data.item() == state.peak_of_data.item() == pytest.approx(information(p))
+    assert state.of_data.item() == pytest.approx(information(p))
     wanted = torch.full((BINS,), 1 / BINS) if balanced else p.mean(0)
     torch.testing.assert_close(found.mean(0), wanted, atol=1e-3, rtol=0)
     state._probabilities = lambda: torch.full((24, BINS), 1 / BINS)  # pyright: ignore[reportPrivateUsage]
+    state.round.fill_(1)
     state._responsibilities()  # pyright: ignore[reportPrivateUsage]
-    assert state.of_data < 1e-6 and state.peak_of_data.item() == pytest.approx(information(p), abs=1e-6)
+    assert state.of_data.item() == pytest.approx(0.5 * information(p), abs=1e-6)
+
+
+@pytest.mark.parametrize("beyond, less", [(-0.3, 0.0), (0.2, 0.2), (2.0, 2.0)])
+def test_a_try_whose_projections_tell_more_than_pictures_is_worth_less(beyond: float, less: float) -> None:
+    state = begun(margin=0.4)
+    p = F.one_hot(torch.arange(24) % 4, BINS).float()
+    state._probabilities = lambda: p.clone()  # pyright: ignore[reportPrivateUsage]
+    state.of_fakes.fill_(information(p) + beyond)
+    assert state.merit() == pytest.approx(information(p) - less, abs=1e-5)
 
 
 def test_a_little_of_the_balance_is_always_left() -> None:

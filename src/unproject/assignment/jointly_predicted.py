@@ -9,9 +9,9 @@ With q(k | y) the predictor, both minimise
 and log K minus this cross entropy is a lower bound of the mutual information I(k; y) of views and pictures. A generator
 could make its projections more informative than pictures are, as one plate does that differs from side to side where
 there are many boxes. So w falls while the bound exceeds the information of pictures, H(mean q) - mean H(q), by more
-than a margin; and late in training w is negative beyond that, which penalises information that pictures do not have. Of
-pictures the largest value so far counts. An overconfident q makes it too large, so that the cap is loose where views
-differ little.
+than a margin; and late in training w is negative beyond that, which penalises information that pictures do not have. A
+q that is new to a world is overconfident of pictures, so that of theirs a moving average over rounds counts, and tries
+are compared by what pictures hold less what projections hold beyond that.
 
 References:
     Chen et al. 2016, InfoGAN (the bound, and its joint training).
@@ -43,6 +43,8 @@ LEAST_BALANCE = 0.25
 """Share of the balance at complete information. Without any, shares of views that look alike drift apart."""
 MEMORY, AVERAGED = 0.02, 0.05
 """Shares of the newest step in the moving averages of the cross entropy and of the predictor."""
+NEWEST = 0.5
+"""Share of the newest round in the moving average of the information of pictures."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class JointlyPredicted(Predicted):
 
     weight: float = 0.3
     fall: tuple[float, float] = (0.2, 0.6)
-    margin: float = 0.3
+    margin: float = 0.5
     rate: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -93,13 +95,11 @@ class JointlyPredictedState(PredictedState):
         trained: the predictor that is trained at every step. `predictor`, which assigns images, is the moving average
             of its weights: what single steps make of real pictures differs by a third.
         of_fakes: moving average of log K minus the cross entropy of projections, nats.
-        of_data: information of the real images, at the last round, nats.
-        peak_of_data: the largest of these so far.
+        of_data: information of the real images, nats, moving average over rounds.
     """
 
     of_fakes: Tensor
     of_data: Tensor
-    peak_of_data: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: JointlyPredicted, seed: int) -> None:
         super().__init__(panel, views, heads, settings, seed)
@@ -107,14 +107,14 @@ class JointlyPredictedState(PredictedState):
         self.trained = copy.deepcopy(self.predictor)
         self.predictor.requires_grad_(False)
         self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999))
-        for name in ("of_fakes", "of_data", "peak_of_data"):
+        for name in ("of_fakes", "of_data"):
             self.register_buffer(name, torch.tensor(0.0))
 
     def generator_weight(self, progress: float) -> float:
         """Return w(progress), less what the cap takes; late, negative beyond the cap."""
         begin, end = self.joint.fall
         falling = min(1.0, max(0.0, (end - progress) / (end - begin)))
-        room = (float(self.peak_of_data) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
+        room = (float(self.of_data) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
         return self.joint.weight * (falling * min(room, 1.0) if room > 0 else (1 - falling) * max(room, -1.0))
 
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
@@ -149,11 +149,14 @@ class JointlyPredictedState(PredictedState):
     def _responsibilities(self) -> Tensor:
         """Return responsibilities balanced the less, the more of the views the pictures tell."""
         p, estimator = self._probabilities(), self.settings.estimator
-        self.of_data.fill_(information(p))
-        self.peak_of_data.fill_(max(self.peak_of_data, self.of_data))
+        self.of_data.lerp_(torch.tensor(information(p)), NEWEST if self.round else 1.0)
         known = min(1.0, float(self.of_data) / (COMPLETE * math.log(p.shape[1])))
         balance = estimator.balance * max(LEAST_BALANCE, 1 - known)
         return replace(estimator, balance=balance).responsibilities(p)
+
+    def merit(self) -> float:
+        of_data = super().merit()
+        return of_data - max(0.0, float(self.of_fakes) - of_data)
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:
         return {"online": self.online}
