@@ -16,6 +16,7 @@ from unproject.data.measured_lines import about_middle, scale_of, standardised_l
 from unproject.projections.line_integral import LineIntegral, directions
 
 RNG = np.random.default_rng(0)
+WAVES = torch.linspace(0, 40, 128).sin().view(8, 1, 16)
 
 
 def an_image(size: int) -> Tensor:
@@ -113,7 +114,7 @@ def test_readings_of_any_unit_come_to_image_widths() -> None:
     assert scale_of(Collection(spiked * 10)) == pytest.approx(12, rel=0.05)
 
 
-@pytest.mark.parametrize("lines", [torch.zeros(8, 1, 16), torch.randn(8, 1, 16), -torch.rand(8, 1, 16)], ids=str)
+@pytest.mark.parametrize("lines", [WAVES * 0, WAVES, WAVES - 1], ids=["nothing", "about 0", "below 0"])
 def test_what_is_no_line_integral_is_refused(lines: Tensor) -> None:
     with pytest.raises(UserError, match=r"readings run from .*: take -log\(I / I0\)"):
         scale_of(Collection(lines))
