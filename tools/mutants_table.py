@@ -1366,8 +1366,8 @@ METRICS = (
     mutant(
         "gauge: images turn the other way",
         "metrics/gauge.py",
-        "images.new_full((len(images),), -gauge.azimuth)",
-        "images.new_full((len(images),), gauge.azimuth)",
+        "part.new_full((len(part),), -gauge.azimuth)",
+        "part.new_full((len(part),), gauge.azimuth)",
         "metrics/test_image_scores.py",
     ),
     mutant(
@@ -1871,9 +1871,9 @@ TRAINING = (
     ),
     mutant(
         "trainer: a panel's penalty scale is ignored",
-        "training/trainer.py",
-        "penalty + batch.panel.panel.penalty_scale * found",
-        "penalty + found",
+        "training/state.py",
+        "return self.panel.penalty_scale * (",
+        "return (",
         f"{PANEL}::test_a_discriminator_is_penalised_as_its_panel_says",
     ),
     mutant(

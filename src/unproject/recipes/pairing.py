@@ -91,7 +91,7 @@ def jointly_predicted(
     rounds: int,
     balance: float,
     information: float,
-    mirrored: tuple[int, ...] = (),
+    mirrored: tuple[int, ...] | Literal[False] = False,
     initialiser: Initialiser | None = None,
     window: int | None = None,
 ) -> JointlyPredicted:

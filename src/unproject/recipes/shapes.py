@@ -106,9 +106,8 @@ def shapes(
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     symmetry = mirror_of(mirror, views, collection)
-    mirrored = mirrored_views(bins, bands or 1) if symmetry else ()
     initialiser = MeanShapeInitialiser(mirror=bool(symmetry), balance=balance) if init_views else None
-    joint = jointly_predicted(rounds, balance, information, mirrored, initialiser)
+    joint = jointly_predicted(rounds, balance, information, symmetry and mirrored_views(bins, bands or 1), initialiser)
     panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if direct else density),
