@@ -43,7 +43,7 @@ def test_modulated_norm_by_hand() -> None:
 
 
 def test_the_vector_is_heard_at_every_level() -> None:
-    block = SmoothUpsampling(inputs=5, channels=8, outputs=3, shape=(16,), levels=2).eval()
+    block = SmoothUpsampling(inputs=5, channels=64, outputs=16, shape=(16,), levels=2).eval()
     hidden = torch.randn(2, 5)
     for norm in block.norms:
         with torch.no_grad():
