@@ -9,6 +9,10 @@ from collections.abc import Generator
 import numpy as np
 import pytest
 import torch
+from hypothesis import settings
+
+settings.register_profile("same", derandomize=True)
+settings.load_profile("same")
 
 
 def seed_all() -> None:
