@@ -16,6 +16,7 @@ LAYERS = (
     ("ops",),
     ("projections", "networks", "data", "metrics", "export"),
     ("adversarial", "assignment", "domains", "testing"),
+    ("inversion",),
     ("training",),
     ("recipes",),
     ("reproduce",),

@@ -19,7 +19,9 @@ from unproject.training.checkpoint import FORMAT
 ROOT = Path(__file__).parent.parent
 TUTORIAL = "docs/tomography.md"
 """Its Python writes the files of its commands."""
-PAGES = ("README.md", "docs/usage.md", TUTORIAL)
+FIT = "docs/fit.md"
+"""Some of its Python opens the runs of its commands."""
+PAGES = ("README.md", "docs/usage.md", TUTORIAL, FIT)
 
 
 def blocks(language: str, page: str = "README.md") -> list[str]:
@@ -68,13 +70,16 @@ ELSEWHERE = ("unproject demo", "unproject reproduce", "unproject data get")
 """Commands that take minutes or the network; they have tests of their own."""
 
 
+LEAST_FIT = "--candidates 4 --starts 1 --steps 1 --tune 0 --no-judge"
+
+
 def shortened(command: str) -> str:
     """The command with the least budget and few samples."""
     verb = command.split()[1]
     command = re.sub(r"--(minutes|steps) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
     command = command.replace("--ceiling", "")
-    more = {"train": "--steps 2 --batch 4 --quiet", "resume": "--steps 3 --quiet", "evaluate": "--n 10"}
+    more = {"train": "--steps 2 --batch 4 --quiet", "resume": "--steps 3 --quiet", "evaluate": "--n 10", "fit": LEAST_FIT}
     return f"{command} {more.get(verb, '')}"
 
 
@@ -82,9 +87,12 @@ def shortened(command: str) -> str:
 def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
     """In their order, each with what those before it have left; what --out names is there afterwards."""
     tried = [command for command in commands(page) if not command.startswith(ELSEWHERE)]
-    assert {"train", "export"} <= {command.split()[1] for command in tried}
-    for code in blocks("python", page) if page == TUTORIAL else ():
-        exec(compile(code, page, "exec"), {})
+    assert {"train", "fit" if page == FIT else "export"} <= {command.split()[1] for command in tried}
+    codes = [*blocks("python", page)] if page in (TUTORIAL, FIT) else []
+    names: dict[str, object] = {}
+    for code in codes:
+        if "up.load(" not in code:
+            exec(compile(code, page, "exec"), names)
     for command in tried:
         words = shlex.split(shortened(command))[1:]
         if words[0] == "export" and (Path(words[1]) / "checkpoints").is_dir():
@@ -94,6 +102,9 @@ def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
         assert main(words) == 0, command
         if "--out" in words:
             assert Path(words[words.index("--out") + 1]).exists(), command
+    for code in codes:
+        if "up.load(" in code:
+            exec(compile(code, page, "exec"), names)
     assert masks.is_dir()
 
 

@@ -817,7 +817,7 @@ NETWORKS = (
     mutant(
         "generator: samples of a generator with a hull are not filled",
         "networks/generators.py",
-        "self._filled(x, times).cpu()",
+        "self.filled(x, times).cpu()",
         "x.cpu()",
         "networks/test_generators.py::test_samples_of_a_generator_with_a_hull_are_filled",
     ),
@@ -2573,15 +2573,15 @@ SIZES = (
     mutant(
         "generator: logits have no limit",
         "networks/low_rank.py",
-        "limited(pulled(self.sums(code, times), FARTHEST * self.limit, PULL), self.limit)",
-        "pulled(self.sums(code, times), FARTHEST * self.limit, PULL)",
+        "limited(pulled(self.sums(hidden, times), FARTHEST * self.limit, PULL), self.limit)",
+        "pulled(self.sums(hidden, times), FARTHEST * self.limit, PULL)",
         "networks/test_generators.py::test_volumes_that_vanished_have_a_gradient_that_brings_them_back",
     ),
     mutant(
         "generator: logits far out are not pulled back",
         "networks/low_rank.py",
-        "limited(pulled(self.sums(code, times), FARTHEST * self.limit, PULL), self.limit)",
-        "limited(self.sums(code, times), self.limit)",
+        "limited(pulled(self.sums(hidden, times), FARTHEST * self.limit, PULL), self.limit)",
+        "limited(self.sums(hidden, times), self.limit)",
         "networks/test_generators.py::test_volumes_that_vanished_have_a_gradient_that_brings_them_back",
     ),
     mutant(
@@ -2608,9 +2608,9 @@ SIZES = (
     mutant(
         "generator: finer samples repeat voxels",
         "networks/low_rank.py",
-        "x = torch.sigmoid(self.logits(code, size // self.size))",
-        "x = torch.sigmoid(self.logits(code)).repeat_interleave(size // self.size, 1).repeat_interleave("
-        "size // self.size, 2).repeat_interleave(size // self.size, 3)",
+        "x = torch.sigmoid(self.logits(hidden, times))",
+        "x = torch.sigmoid(self.logits(hidden)).repeat_interleave(times, 1).repeat_interleave("
+        "times, 2).repeat_interleave(times, 3)",
         "networks/test_generators.py",
     ),
     mutant(

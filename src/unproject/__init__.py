@@ -81,6 +81,7 @@ _SUBMODULES = (
     "data",
     "domains",
     "export",
+    "inversion",
     "metrics",
     "networks",
     "ops",
@@ -113,6 +114,7 @@ if TYPE_CHECKING:
     from . import data as data
     from . import domains as domains
     from . import export as export
+    from . import inversion as inversion
     from . import metrics as metrics
     from . import networks as networks
     from . import ops as ops

@@ -320,7 +320,8 @@ def blocks(x: Tensor, times: int) -> Tensor:
 def test_finer_sums_average_to_the_sums(mirror: bool | str, times: int) -> None:
     generator = rough(mirror).double()
     code = codes(generator).double()
-    fine, coarse = generator.sums(code, times), generator.sums(code)
+    hidden = generator.mapping(code)
+    fine, coarse = generator.sums(hidden, times), generator.sums(hidden)
     assert coarse.std() > 0.5 and (times == 1 or fine.std() > coarse.std())
     torch.testing.assert_close(blocks(fine, times).mean(-1), coarse)
 

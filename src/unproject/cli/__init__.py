@@ -24,6 +24,7 @@ VERBS = {
     "sample": "draw samples from a run into an .npz file",
     "evaluate": "score a run against held-out data, or check it by itself",
     "export": "write samples as meshes, pictures, turntables or material maps",
+    "fit": "find the shape, material or image behind given pictures",
     "render": "render the maps of a material under natural, directional, coloured or ambient light",
     "reproduce": "train and score the arms of a figure of the paper, or print its networks",
     "recipes": "list the recipes, or show one",

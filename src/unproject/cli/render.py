@@ -63,10 +63,10 @@ def run(
 
     use_threads(threads)
     _check(out, strip)
-    theta, phi = _angles("--view ", view, "80 or 80,-90", -90.0)
+    theta, phi = angles("--view ", view, "80 or 80,-90", -90.0)
     if not abs(theta) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
-    lighting, latents = _light(light)
+    lighting, latents = light_of(light)
     reflection, sampling = Reflection(fresnel or "eta", eta, shadowing), Sampling(samples)  # mistakes come first
     material = read_maps(maps, size)
     reflection = Reflection(fresnel or material.fresnel, eta, shadowing)
@@ -88,7 +88,7 @@ def _check(out: Path, strip: int | None) -> None:
         raise UserError(f"--strip {strip}: give 1 picture or more, and a .png or .gif")
 
 
-def _angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, float]:
+def angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, float]:
     parts = text.split(",")
     try:
         theta, phi = float(parts[0]), float(parts[1]) if len(parts) > 1 else azimuth
@@ -99,13 +99,13 @@ def _angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, 
     return theta, phi
 
 
-def _light(text: str) -> tuple[Lighting | Tensor, dict[str, float]]:
+def light_of(text: str) -> tuple[Lighting | Tensor, dict[str, float]]:
     """What lights, and its latents."""
     kind, _, rest = text.partition(":")
     if kind == "ambient" and not rest:
         return "ambient", {}
     if kind in ("directional", "coloured") and rest:
-        theta, phi = _angles(f"--light {kind}:", rest, f"{kind}:45,90", 0.0)
+        theta, phi = angles(f"--light {kind}:", rest, f"{kind}:45,90", 0.0)
         if not abs(theta) < 90:
             raise UserError(f"--light {text}: the light must be above the material, less than 90° from its normal")
         return kind, {"light": math.radians(theta), "light_azimuth": math.radians(phi)}

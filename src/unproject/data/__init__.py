@@ -10,6 +10,7 @@ from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
 from .inspection import Inspection, inspect, inspect_materials
+from .listed import are_pictures, read_photographs, read_silhouettes
 from .mapping import mapped
 from .observing import observe
 from .procedural.light import mixed_probes, procedural_probes
@@ -40,6 +41,7 @@ __all__ = [
     "Framing",
     "Inspection",
     "UnusablePicture",
+    "are_pictures",
     "batch_rows",
     "birds",
     "build_chairs",
@@ -64,8 +66,10 @@ __all__ = [
     "procedural_probes",
     "read",
     "read_material",
+    "read_photographs",
     "read_probe",
     "read_probes",
+    "read_silhouettes",
     "resample_probe",
     "side_of",
     "with_flips",

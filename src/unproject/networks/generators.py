@@ -55,13 +55,24 @@ class Generator(nn.Module, ABC):
         self.truncation = truncation
         self.hull = hull
 
-    def _filled(self, x: Tensor, times: float) -> Tensor:
+    def filled(self, x: Tensor, times: float = 1.0) -> Tensor:
         """Return the hull of samples, if that is what is sampled; voxels are `times` as fine as the generator's own."""
         return visual_hull(x, density=None if self.hull is True else self.hull / times) if self.hull else x
 
     @abstractmethod
     def forward(self, code: Tensor) -> Tensor:
         """Return x = G(z)."""
+
+    def map_code(self, code: Tensor) -> Tensor:
+        """Return the latents (B, D) that `synthesise` makes samples of: codes, or what a mapping network makes of them.
+
+        A sample that fits pictures is looked for among latents (`unproject.inversion`).
+        """
+        return code
+
+    def synthesise(self, latent: Tensor) -> Tensor:
+        """Return the samples of latents, G(z) = synthesise(map_code(z))."""
+        return self(latent)
 
     def draw(self, n: int, rng: torch.Generator) -> Tensor:
         """Draw n codes z ~ N(0, 1), (n, code_size)."""
@@ -101,7 +112,7 @@ class Generator(nn.Module, ABC):
         self.eval()
         try:
             parts = (make(part.to(device)).float() for part in codes.split(batch))
-            return torch.cat([self._filled(x, times).cpu() for x in parts])[:n]
+            return torch.cat([self.filled(x, times).cpu() for x in parts])[:n]
         finally:
             self.train(training)
 

@@ -92,13 +92,12 @@ class LowRankGenerator(Generator):
         # Stored: weights keep their limit, and those of before there was one are refused rather than misread.
         self.register_buffer("limit", torch.tensor(float(limit)))
 
-    def logits(self, code: Tensor, times: int = 1) -> Tensor:
+    def logits(self, hidden: Tensor, times: int = 1) -> Tensor:
         """Return the logits of occupancy, (B, X, Y, Z), or of one half with `mirror`, on a grid `times` as fine."""
-        return limited(pulled(self.sums(code, times), FARTHEST * self.limit, PULL), self.limit)
+        return limited(pulled(self.sums(hidden, times), FARTHEST * self.limit, PULL), self.limit)
 
-    def sums(self, code: Tensor, times: int = 1) -> Tensor:
-        """Return t, from which the logits come."""
-        hidden = self.mapping(code)
+    def sums(self, hidden: Tensor, times: int = 1) -> Tensor:
+        """Return t, from which the logits come, of what the mapping network makes of codes."""
         # Beyond its last cell a half is constant, which is its mirror image there: it is refined as the whole would be.
         xz, zy, xy = (refined(refined(plane(hidden), times, -1), times, -2) for plane in self.planes)
         along_y, along_x, along_z = (refined(line(hidden), times, -1) for line in self.lines)
@@ -108,12 +107,21 @@ class LowRankGenerator(Generator):
         total = total + along_z.transpose(1, 2)[:, None] @ xy.transpose(1, 2)
         return (total * self.scale + self.bias).transpose(2, 3)
 
+    def map_code(self, code: Tensor) -> Tensor:
+        return self.mapping(code)
+
+    def synthesise(self, latent: Tensor) -> Tensor:
+        return self._volumes(latent, 1)
+
     def forward(self, code: Tensor) -> Tensor:
-        return self.at_size(code, self.size)
+        return self.synthesise(self.mapping(code))
 
     def at_size(self, code: Tensor, size: int) -> Tensor:
         """Return volumes of `size` a side, a multiple of the generator's own, by refining planes and lines."""
         if size < self.size or size % self.size:
             raise UserError(f"size {size}: choose {self.size}, or a multiple of it such as {2 * self.size}")
-        x = torch.sigmoid(self.logits(code, size // self.size))
+        return self._volumes(self.mapping(code), size // self.size)
+
+    def _volumes(self, hidden: Tensor, times: int) -> Tensor:
+        x = torch.sigmoid(self.logits(hidden, times))
         return reflect(x, "xyz".index(self.mirror) + 1) if self.mirror else x

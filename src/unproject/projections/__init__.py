@@ -2,6 +2,7 @@
 
 from .base import Identity, Projection
 from .cropped import Cropped
+from .framed import FramedSilhouette
 from .line_integral import LineIntegral, directions
 from .observation import Observation
 from .priors import Bins, Cap, Empirical, Mixture, Prior, Product, Uniform
@@ -15,6 +16,7 @@ __all__ = [
     "Cap",
     "Empirical",
     "Cropped",
+    "FramedSilhouette",
     "Identity",
     "LineIntegral",
     "Mixture",

@@ -18,12 +18,14 @@ from .._types import UserError
 from ..assignment import AssignmentState
 from ..data import Collection
 from ..domains import Domain, domain_of
+from ..inversion import Fitter, Search, Viewing
 from ..metrics import Score
 from ..networks import Generator
 from ..networks.generators import FINE_VOXELS
 from . import checkpoint
 from .estimate import GIB, available_memory
 from .evaluation import estimated_view_scores, sample_scores, self_checks
+from .fitting import state_of, viewing_of
 from .origin import rebuild
 from .recipe import Recipe
 from .run_directory import read_origin, read_recipe
@@ -141,6 +143,34 @@ class Run:
             UserError: if the recipe cannot be made.
         """
         return judge(self.generator, self.domain, self.assignments(recipe or self.recipe(trust)), seed)
+
+    def fitter(
+        self,
+        observation: str | None = None,
+        *,
+        viewing: Viewing | None = None,
+        search: Search | None = None,
+        seed: int = 0,
+        recipe: Recipe | None = None,
+        trust: bool = False,
+    ) -> Fitter:
+        """Return what looks for samples behind pictures (`Fitter.fit`).
+
+        Args:
+            observation: which of the run's observations made the pictures (default: any of its only panel).
+            viewing: how pictures come about, in place of the run's observations.
+            search: how to look (default: `Search()`).
+            seed: of the search.
+            recipe: the run's recipe (default: made again by the run's recipe function).
+            trust: import the recipe's code although it is not of this package.
+
+        Raises:
+            UserError: if the recipe cannot be made, or does not say how the pictures come about.
+        """
+        if viewing is None:
+            states = self.assignments(recipe or self.recipe(trust))
+            viewing = viewing_of(state_of(states, observation), observation)
+        return Fitter(self.generator, viewing, search or Search(), seed, self.domain.repeated)
 
     def assignments(self, recipe: Recipe) -> list[AssignmentState]:
         """Return the assignment of each panel as the newest checkpoint has it."""

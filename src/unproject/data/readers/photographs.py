@@ -45,7 +45,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
     skipped: dict[str, str] = {}
     for file in files:
         try:
-            found[file.relative_to(path).as_posix()] = _photograph(file, name, size)
+            found[file.relative_to(path).as_posix()] = photograph(file, name, size)
         except UserError as reason:
             if strict:
                 raise
@@ -60,7 +60,7 @@ def photographed(path: Path) -> tuple[str, ...]:
     return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
 
 
-def _photograph(file: Path, name: str, size: int) -> Tensor:
+def photograph(file: Path, name: str, size: int) -> Tensor:
     """(C, size, size) of the largest centred square: a map's values, or a photograph as it is."""
     values = _square(file, name, size)
     if name == "roughness":

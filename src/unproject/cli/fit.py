@@ -1,0 +1,182 @@
+"""`unproject fit RUN PICTURES --out DIR`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .._types import UserError
+from ._machine import use_threads
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from torch import Tensor
+
+    from ..assignment import AssignmentState
+    from ..data import Collection
+    from ..inversion import Viewing
+    from ..training import Run
+
+FORMATS = {"volume": "glb", "image": "png", "maps": "maps"}
+"""What is written of each thing, by the domain."""
+
+
+def run(
+    path: Path,
+    pictures: tuple[Path, ...],
+    /,
+    *,
+    out: Path,
+    view: str | None = None,
+    light: str | None = None,
+    observation: str | None = None,
+    together: bool = False,
+    scale: float = 1.0,
+    to: str | None = None,
+    candidates: int = 256,
+    starts: int = 8,
+    steps: int = 100,
+    rate: float = 0.1,
+    prior: float = 0.02,
+    looks: int = 5,
+    tune: int = 30,
+    judge: bool = True,
+    seed: int = 0,
+    threads: int | None = None,
+    trust: bool = False,
+) -> None:
+    """Find the thing behind pictures: a shape by silhouettes, a material by photographs, an image by line integrals.
+
+    OUT gets fit.npz (the arrays of `unproject sample`, one row a thing), fit.json (views and their probabilities,
+    distances, whether the pictures are explained), sheet.png (pictures, things and their projections) and a folder of
+    files a thing, with several explanations, their mean and deviation in fit.npz. A run that was stopped goes on.
+
+    Args:
+        path: the run directory.
+        pictures: masks, cut-outs or photographs; one folder of them, with views.csv if views are known; or one .npz of
+            silhouettes or line integrals, with an array `azimuth` or `angle` if these are known.
+        out: the folder to write.
+        view: where the camera stood, degrees: azimuth and elevation of shapes (30,10), the angle from the normal and
+            azimuth of materials (0,-90), the angle of lines (default: what views.csv or the .npz say, else unknown).
+        light: of photographs of materials, as for `unproject render`; needs --view.
+        observation: which of the run's observations made the pictures (`top`, `flash`; default: its only ones).
+        together: all pictures show one thing (default: a thing each; lines of one sinogram are of one image).
+        scale: what readings of line integrals are divided by, as in training (`unproject data inspect` tells it).
+        to: the format of each thing (default: glb of shapes, maps of materials, png of images); see `export`.
+        candidates: samples that are compared with the pictures first.
+        starts: of the descent, and explanations.
+        steps: of the descent.
+        rate: of the descent, in standard deviations of latents.
+        prior: weight of usual latents.
+        looks: how often unknown views are looked for during the descent.
+        tune: steps that train the generator's own weights for the thing alone, at the end.
+        judge: compare pictures with those of training, which takes half a minute once a call.
+        seed: of the search.
+        threads: processor threads (default: all cores).
+        trust: import the run's code although it is not of this package.
+    """
+    from ..data import Collection
+    from ..inversion import Search
+    from ..training import load
+    from ..training.fitting import novelty_of, viewing_of
+    from ._fits import Job, write_fits
+
+    use_threads(threads)
+    search = Search(candidates, min(starts, candidates), steps, rate, prior, looks, tune)
+    opened = load(path, trust=trust)
+    to = to or FORMATS.get(opened.domain.name, "npz")
+    if to not in opened.domain.exporters:
+        raise UserError(f"--to {to}: there is no such format; choose from {', '.join(opened.domain.exporters)}")
+    if light is None:
+        state = state_of_run(opened, observation, trust)
+        viewing = framed_viewing(viewing_of(state, observation), pictures)
+        given = {} if view is None else given_view(view, viewing.projection.latents)
+    else:
+        state, (viewing, given) = None, (lit_viewing(opened, view, light), {})
+    found = observed(opened, pictures, viewing, scale)
+    found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
+    novelty = novelty_of(state, viewing) if judge and state is not None else None
+    fitter = opened.fitter(viewing=viewing, search=search, seed=seed)
+    write_fits(Job(found, fitter, novelty, opened, to, out), together)
+
+
+def state_of_run(opened: Run, observation: str | None, trust: bool) -> AssignmentState:
+    """Return the panel of the run that made the pictures."""
+    from ..training.fitting import state_of
+
+    return state_of(opened.assignments(opened.recipe(trust)), observation)
+
+
+def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
+    """Return the viewing of pictures that are cropped as they are read, where the run's were not."""
+    from ..data import are_pictures
+    from ..projections.framed import FramedSilhouette
+    from ..projections.silhouette import Silhouette
+
+    cropped = paths[0].is_dir() or are_pictures(paths)
+    if cropped and isinstance(viewing.projection, Silhouette):
+        return replace(viewing, projection=FramedSilhouette(viewing.projection))
+    return viewing
+
+
+def lit_viewing(opened: Run, view: str | None, light: str) -> Viewing:
+    """Return how photographs of a material come about under the light and from the view that are given."""
+    from ..inversion import Viewing
+    from ..ops.microfacet import Reflection
+    from ..projections.observation import Observation
+    from ..projections.priors import Product, Uniform
+    from ..projections.rendering import Rendering
+    from .render import angles, light_of
+
+    if opened.domain.name != "maps":
+        raise UserError(f"--light {light}: only photographs of materials have a light; leave it out")
+    theta, phi = angles("--view ", view or "0", "0 or 60,-90", -90.0)
+    lighting, latents = light_of(light)
+    rendering = Rendering(lighting, Reflection(getattr(opened.domain, "fresnel", "albedo")))
+    fixed = {"view": math.radians(theta), "view_azimuth": math.radians(phi), **latents}
+    drawn = [Uniform("jitter", 0, 1)] if "jitter" in rendering.latents else []
+    prior = Product(*(Uniform(name, value, value) for name, value in fixed.items()), *drawn)
+    return Viewing.of([Observation("given", rendering, prior)])
+
+
+def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
+    """Return the latents that --view gives, radians, in the order in which the projection takes them."""
+    try:
+        degrees = [float(part) for part in view.split(",")]
+    except ValueError:
+        degrees = []
+    if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
+        raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
+    return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}
+
+
+def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float) -> Collection:
+    """Return the pictures, as the viewing's projection makes them."""
+    from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
+    from ..data.measured_lines import standardised_lines
+    from ..data.readers.pictures import picture_files
+
+    if not paths:
+        raise UserError("fit: name pictures, a folder of them or an .npz")
+    size, listed = opened.sample(1).shape[-1], are_pictures(paths)
+    if len(paths) > 1 and not listed:
+        raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
+    if opened.domain.name == "maps":
+        return read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
+    if opened.domain.name == "image":
+        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale)
+    if listed:
+        return mapped(read_silhouettes(paths, 2 * size), viewing.projection.prepare)
+    return mapped(read(paths[0], 2 * size if paths[0].is_dir() else None), viewing.projection.prepare)
+
+
+def known_views(found: Collection, viewing: Viewing, given: Mapping[str, float]) -> dict[str, Tensor] | None:
+    """Return what is known of each picture's view: what is given, or else stands beside the pictures."""
+    import torch
+
+    taken = {*viewing.projection.latents, *viewing.projection.optional_latents}
+    beside = {name: value for name, value in (found.latents or {}).items() if name in taken}
+    return beside | {name: torch.full((len(found),), value) for name, value in given.items()} or None

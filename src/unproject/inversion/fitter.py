@@ -1,0 +1,227 @@
+"""Fitter: looks for the samples of a generator whose projections are given pictures.
+
+For pictures y_1 … y_M of one thing, of views θ_m that may be unknown,
+
+    E(v, θ) = Σ_m |P(G(v), θ_m) - y_m|² / (D σ²) + λ |v|² / r
+
+is minimised over whitened latents v (`LatentSpace`) and θ. D is the number of pixels, σ² the mean variance of a pixel
+among projections of samples, so that λ means the same for silhouettes, photographs and lines.
+
+1. Candidates: samples, each projected in every bin of views; the nearest few, with their views, are the starts.
+2. Descent: Adam on v, for all starts together. θ is not followed by its gradient, since pictures of turned things have
+   many local minima: now and then views are drawn anew in every bin and near the present one, and the best are kept.
+3. Weights: an explanation with energy E counts (E_best / E)^(n M / 2), the likelihood with σ unknown, if n pixels of a
+   picture, as many as it is wide, are independent. The posterior of the bins of views comes from the same rule.
+
+References:
+    Xia et al. 2023, GAN inversion: a survey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import torch
+from torch import Tensor, nn
+
+from .._random import generator_at
+from .._types import UserError
+from ..networks import Generator
+from .candidates import Candidates, each, rows
+from .fit import Fit
+from .search import Search
+from .tuning import tuned
+from .viewing import Latents, Viewing
+
+CLOSER = (1.0, 1.0, 1.0, 1.0, 0.6, 0.6, 0.6, 0.3, 0.3, 0.3, 0.1, 0.1)
+"""Views that are tried in a bin, one after another: draws, at this share of the way from the best so far."""
+HEARD = 0.02
+"""Explanations with less of the best one's weight have no part in the posterior of views."""
+LEAST = 0.02
+"""Added to distances for weights: differences as small as those of interpolation decide nothing."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Starts on their way: whitened latents (S, r), bins (S, M) and latents of views by name (S, M)."""
+
+    v: Tensor
+    bins: Tensor
+    theta: dict[str, Tensor]
+
+    def __getitem__(self, which: Tensor) -> State:
+        """Return some of the starts."""
+        return State(self.v[which], self.bins[which], {name: value[which] for name, value in self.theta.items()})
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures (M, ...) of one thing, what is known of their views, (M,) by name, and their possible bins (M, K)."""
+
+    y: Tensor
+    known: dict[str, Tensor]
+    possible: Tensor
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitter:
+    """Looks for samples of a generator by pictures; what is the same for all things is made once.
+
+    Args:
+        generator: in evaluation mode.
+        viewing: how pictures come about.
+        search: how to look.
+        seed: of the candidates and of views.
+        repeated: (x, times) → samples, each `times` in a row (`Domain.repeated`).
+    """
+
+    generator: Generator
+    viewing: Viewing
+    search: Search = Search()
+    seed: int = 0
+    repeated: Callable[[Tensor, int], Tensor] = field(default=lambda x, times: x.repeat_interleave(times, 0))
+
+    @cached_property
+    def candidates(self) -> Candidates:
+        """The samples that pictures are compared with first."""
+        return Candidates(self.generator, self.viewing, self.search.candidates, self.seed, self.repeated)
+
+    def fit(self, pictures: Tensor, known: Latents | None = None) -> Fit:
+        """Return explanations of pictures (M, ...) of one thing.
+
+        Args:
+            known: latents of the views that are known, by name, (M,) each.
+
+        Raises:
+            UserError: if there is no picture, or they are not of the size of the generator's projections.
+        """
+        wanted, given = tuple(self.candidates.projections.shape[2:]), tuple(pictures.shape[1:])
+        if given != wanted or not len(pictures):
+            raise UserError(f"{len(pictures)} pictures of {given}; give at least one, of {wanted} as in training")
+        known = {name: value.float() for name, value in (known or {}).items()}
+        of = Pictures(pictures, known, self.viewing.possible(known, len(pictures)))
+        rng = generator_at(self.seed, 0, "fit")
+        with _without_gradient(self.generator):
+            state = self._descended(self._starts(of, rng), of, rng)
+            return self._judged(state, of, rng)
+
+    @torch.no_grad()
+    def _starts(self, of: Pictures, rng: torch.Generator) -> State:
+        """Return the nearest candidates, and for each the bins and views in which it is nearest."""
+        candidates, count = self.candidates, self.search.candidates
+        if of.known:
+            bins = torch.multinomial(of.possible.float().repeat(count, 1), 1, generator=rng).view(count, -1)
+            theta = rows(self.viewing.draw(bins.flatten(), each(of.known, count), rng), count)
+            distance = candidates.distance(candidates.project(candidates.x, theta, len(of)), of.y)
+        else:
+            table = candidates.projections
+            distance = torch.stack([candidates.distance(table, y.expand(table.shape[1:])) for y in of.y], 1)
+            distance, bins = distance.min(2)
+            theta = {name: value.gather(1, bins) for name, value in candidates.views.items()}
+        best = distance.sum(1).topk(self.search.starts, largest=False).indices
+        return State(candidates.latents, bins, theta)[best]
+
+    def _descended(self, state: State, of: Pictures, rng: torch.Generator) -> State:
+        """Return the state after the descent, the best start first; a generator of its own makes it if tuned."""
+        search, candidates = self.search, self.candidates
+        v = state.v.clone().requires_grad_(True)
+        adam = torch.optim.Adam([v], lr=search.rate, betas=(0.9, 0.99))
+        look = search.looks and not self.viewing.is_known(of.known)
+        every = -(-search.steps // (search.looks + 1)) if look else search.steps
+        for step in range(search.steps):
+            adam.param_groups[0]["lr"] = search.rate * (1 - 0.9 * step / search.steps)
+            x = candidates.synthesise(v)
+            if step and step % every == 0:
+                state = self._looked(state, x.detach(), of, rng)
+            energy = self._energy(v, candidates.distance(candidates.project(x, state.theta, len(of)), of.y))
+            adam.zero_grad()
+            energy.sum().backward()
+            adam.step()
+        return State(v.detach(), state.bins, state.theta)
+
+    def _energy(self, v: Tensor, distance: Tensor) -> Tensor:
+        """Return E (S,)."""
+        return distance.sum(1) + self.search.prior * v.square().mean(1)
+
+    @torch.no_grad()
+    def _looked(self, state: State, x: Tensor, of: Pictures, rng: torch.Generator) -> State:
+        """Return the state with better views, if there are such: one drawn in each bin, and some near the best."""
+        theta, bins = state.theta, state.bins
+        least = self.candidates.distance(self.candidates.project(x, theta, len(of)), of.y)
+        everywhere = [torch.full_like(bins, k) for k in of.possible.any(0).nonzero()[:, 0].tolist()]
+        steps = [(tried, 1.0) for tried in (everywhere if len(everywhere) > 1 else ())]
+        for tried, by in (*steps, *((None, by) for by in CLOSER[::3])):
+            tried = bins if tried is None else tried
+            drawn, distance = self._tried(x, tried, of, rng, theta, by)
+            better = distance < least
+            least, bins = torch.where(better, distance, least), torch.where(better, tried, bins)
+            theta = {name: torch.where(better, drawn[name], value) for name, value in theta.items()}
+        return State(state.v, bins, theta)
+
+    def _tried(
+        self, x: Tensor, bins: Tensor, of: Pictures, rng: torch.Generator, near: Latents, by: float
+    ) -> tuple[dict[str, Tensor], Tensor]:
+        """Return views (S, M), drawn in these bins, then moved from `near` by this share of the way; and distances.
+
+        They are infinite where a bin is not possible.
+        """
+        drawn = rows(self.viewing.draw(bins.flatten(), each(of.known, len(x)), rng), len(x))
+        drawn = {name: value if by == 1 else torch.lerp(near[name], value, by) for name, value in drawn.items()}
+        distance = self.candidates.distance(self.candidates.project(x, drawn, len(of)), of.y)
+        return drawn, distance.masked_fill(~of.possible[torch.arange(len(of)), bins], torch.inf)
+
+    def _judged(self, state: State, of: Pictures, rng: torch.Generator) -> Fit:
+        """Return the explanations in order, their weights and the posterior of views."""
+        candidates, n = self.candidates, of.y.shape[-1]
+        with torch.no_grad():
+            x = candidates.synthesise(state.v)
+            energy = self._energy(state.v, candidates.distance(candidates.project(x, state.theta, len(of)), of.y))
+        order = energy.argsort()
+        state, x = state[order], x[order]
+        if self.search.tune:
+            x[:1] = tuned(candidates, self.search, state.v[:1], state[torch.tensor([0])].theta, of.y)
+        with torch.no_grad():
+            projected = candidates.project(x, state.theta, len(of))
+            distance = candidates.distance(projected, of.y)
+            weight = _likelihood(self._energy(state.v, distance) / len(of), n * len(of), 0)
+            heard = (weight >= HEARD * weight.max()).nonzero()[:, 0]
+            bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
+            posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
+            return Fit(self.generator.filled(x), state.v, distance, weight, state.theta, posterior, projected[0])
+
+    def _posterior(self, x: Tensor, state: State, found: Tensor, of: Pictures, rng: torch.Generator) -> Tensor:
+        """Return (S, M, K), the probability of each bin for each explanation."""
+        count = len(self.viewing.priors)
+        least = found[..., None].masked_fill(torch.arange(count) != state.bins[..., None], torch.inf)
+        for k in of.possible.any(0).nonzero()[:, 0].tolist() if count > 1 else ():
+            bins = torch.full_like(state.bins, k)
+            theta, best = self._tried(x, bins, of, rng, state.theta, 1.0)
+            for by in CLOSER[1:]:
+                drawn, distance = self._tried(x, bins, of, rng, theta, by)
+                theta = {name: torch.where(distance < best, drawn[name], value) for name, value in theta.items()}
+                best = torch.minimum(best, distance)
+            least[..., k] = torch.minimum(least[..., k], best)
+        return _likelihood(least, of.y.shape[-1], 2)
+
+
+def _likelihood(distance: Tensor, readings: int, dim: int) -> Tensor:
+    """Return e^(-readings / 2), the likelihood of a Gaussian whose variance is not known, as shares along `dim`."""
+    return torch.softmax(-readings / 2 * (distance + LEAST).log(), dim)
+
+
+@contextmanager
+def _without_gradient(module: nn.Module) -> Iterator[None]:
+    """Turn off the gradients of parameters, which would be computed and not used."""
+    before = [p.requires_grad for p in module.parameters()]
+    module.requires_grad_(False)
+    try:
+        yield
+    finally:
+        for p, needed in zip(module.parameters(), before, strict=True):
+            p.requires_grad_(needed)

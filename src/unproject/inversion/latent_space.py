@@ -1,0 +1,65 @@
+"""LatentSpace: the latents of a generator, whitened, so that they can be searched.
+
+w = μ + v S Vᵀ, where S Vᵀ are the principal axes of the latents of codes z ~ N(0, 1), each as long as its standard
+deviation. Then v ~ (0, 1) along each axis, and E|v|² / r = 1: |v|² / r tells how usual a latent is. Of a generator
+without mapping network w is the code, and v a rotation of it.
+
+References:
+    Abdal et al. 2019, Image2StyleGAN (latents behind the mapping network are easier to fit than codes); Zhu et al.
+    2020, Improved StyleGAN embedding (whitened latents with a Gaussian prior).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from .._random import generator_at
+from ..networks import Generator
+
+CODES = 4096
+LEAST = 1e-3
+"""Axes shorter than this share of the longest are left out: nothing is known of them."""
+
+
+@dataclass(frozen=True)
+class LatentSpace:
+    """w = μ + v B.
+
+    Attributes:
+        mean: μ, (D,).
+        axes: B, (r, D), orthogonal; row i is the i-th axis.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> generator = up.networks.LowRankGenerator(size=16, code_size=8, channels=8, rank=4)
+        >>> space = LatentSpace.of(generator)
+        >>> w = generator.map_code(torch.randn(2, 8))
+        >>> bool(torch.allclose(space.latents(space.whitened(w)), w, atol=0.01))
+        True
+    """
+
+    mean: Tensor
+    axes: Tensor
+
+    @classmethod
+    @torch.no_grad()
+    def of(cls, generator: Generator, seed: int = 0) -> LatentSpace:
+        """Return the whitened latents of a generator, from those of 4096 codes."""
+        rng, device = generator_at(seed, 0, "latent space"), next(generator.parameters()).device
+        latents = generator.map_code(generator.draw(CODES, rng).to(device)).flatten(1).double()
+        mean = latents.mean(0)
+        _, length, axes = torch.linalg.svd(latents - mean, full_matrices=False)
+        kept = length > LEAST * length[0]
+        deviation = length[kept, None] / (len(latents) - 1) ** 0.5
+        return cls(mean.float(), (deviation * axes[kept]).float())
+
+    def whitened(self, latents: Tensor) -> Tensor:
+        """Return v (B, r) of latents (B, D)."""
+        return (latents - self.mean) @ (self.axes / self.axes.square().sum(1, keepdim=True)).T
+
+    def latents(self, v: Tensor) -> Tensor:
+        """Return w (B, D) of v (B, r)."""
+        return self.mean + v @ self.axes

@@ -1,0 +1,131 @@
+"""Novelty: whether a picture is of the kind that a run was trained on, or of something else.
+
+How far the nearest projection is does not tell: a plump bird is nearer to some chair than most chairs are, and thin
+things are far from everything. Two numbers tell more, each compared with those of pictures that were held out:
+
+- d² = Σ_i ((y - μ) · e_i)² / λ_i, by the first principal components of training pictures: proportions that none has;
+- the logit of a small network that tells training pictures from warped ones: outlines that none has, since warping
+  spoils what things have in common, straight legs or symmetry, and leaves their proportions.
+
+The p-value is twice the smaller share of held-out pictures that are at least as strange.
+
+References:
+    Lee et al. 2018, A simple unified framework for detecting out-of-distribution samples (Mahalanobis distance); Tack
+    et al. 2020, CSI: novelty detection via contrasting with transformed training data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from .._random import derived_seed, generator_at, seeded
+
+COMPONENTS, STEPS, BATCH, AT_ONCE = 32, 300, 64, 512
+BENT, KNOTS = 0.35, 4
+"""Deviation of a warp in half widths of the picture, and knots a side between which it is smooth."""
+DOUBTFUL = 0.03
+"""The p-value below which a picture counts as of another kind."""
+
+Prepare = Callable[[Tensor], Tensor]
+
+
+@dataclass(frozen=True, eq=False)
+class Novelty:
+    """Compares pictures with those that a run was trained on; `fitted` makes it.
+
+    Attributes:
+        mean, axes: μ (D,) and e_i / √λ_i (r, D).
+        network: logits of pictures, the larger the more like training pictures; None for lines.
+        held_out: (M, 1) or (M, 2), both numbers of held-out pictures.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> views = up.projections.azimuth_bins(8, up.Silhouette(size=16))
+        >>> chairs = up.data.observe(up.data.chairs(60, 16), views, each=4).floats()
+        >>> novelty = Novelty.fitted(chairs[:160], chairs[160:], steps=20)
+        >>> p = novelty.p_values(torch.cat([chairs[:1], 1 - chairs[:1]]))
+        >>> bool(p[0] > 0.05), bool(p[1] < 0.05)
+        (True, True)
+    """
+
+    mean: Tensor
+    axes: Tensor
+    network: nn.Module | None
+    held_out: Tensor
+
+    @classmethod
+    def fitted(
+        cls, pictures: Tensor, held_out: Tensor, prepare: Prepare = lambda y: y, steps: int = STEPS, seed: int = 0
+    ) -> Novelty:
+        """Return what compares with training pictures (N, ...), and knows held-out ones (M, ...).
+
+        Args:
+            prepare: what the projection does to its pictures (`Projection.prepare`), done to warped ones.
+            steps: of the network, which pictures (C, H, W) have.
+        """
+        rng = generator_at(seed, 0, "novelty")
+        some = pictures[torch.randperm(len(pictures), generator=rng)[:4096]].flatten(1)
+        mean = some.mean(0)
+        _, length, axes = torch.linalg.svd(some - mean, full_matrices=False)
+        count = min(COMPONENTS, int((length > 1e-3 * length[0]).sum()))
+        axes = axes[:count] / (length[:count, None] / len(some) ** 0.5)
+        network = None if pictures.dim() < 4 else _trained(pictures, prepare, steps, seed)
+        found = cls(mean, axes, network, torch.empty(0))
+        return cls(mean, axes, network, found.strangeness(held_out))
+
+    @torch.no_grad()
+    def strangeness(self, pictures: Tensor) -> Tensor:
+        """Return both numbers, larger for stranger pictures, (N, 1) or (N, 2)."""
+        distance = ((pictures.flatten(1) - self.mean) @ self.axes.T).square().sum(1)
+        if self.network is None:
+            return distance[:, None]
+        logits = torch.cat([self.network(part)[:, 0] for part in pictures.split(AT_ONCE)])
+        return torch.stack([distance, -logits], 1)
+
+    def p_values(self, pictures: Tensor) -> Tensor:
+        """Return (N,): how likely a picture of the kind that is known would be so strange; small for other kinds."""
+        stranger = (self.held_out[None] >= self.strangeness(pictures)[:, None]).sum(1)
+        shares = (stranger + 1) / (len(self.held_out) + 1)
+        return (shares.amin(1) * shares.shape[1]).clamp_max(1)
+
+
+def network_for(shape: tuple[int, ...]) -> nn.Module:
+    """Return the network for pictures of this shape, (C, H, W)."""
+    layers: list[nn.Module] = []
+    for before, after in ((shape[0], 32), (32, 64), (64, 128)):
+        layers += [nn.Conv2d(before, after, 4, 2, 1), nn.BatchNorm2d(after), nn.LeakyReLU(0.2)]
+    features = 128 * (shape[1] // 8) * (shape[2] // 8)
+    return nn.Sequential(*layers, nn.Flatten(), nn.Dropout(0.3), nn.Linear(features, 1))
+
+
+def _trained(pictures: Tensor, prepare: Prepare, steps: int, seed: int) -> nn.Module:
+    """Return a network that tells pictures from warped ones."""
+    with seeded(derived_seed(seed, 0, "novelty"), "weights"):
+        network = network_for(tuple(pictures.shape[1:]))
+        adam = torch.optim.Adam(network.parameters(), lr=1e-3)
+        for step in range(steps):
+            rng = generator_at(seed, step, "warped")
+            real = pictures[torch.randint(len(pictures), (BATCH,), generator=rng)]
+            loss = F.softplus(-network(real)).mean() + F.softplus(network(warped(real, rng, prepare))).mean()
+            adam.zero_grad()
+            loss.backward()
+            adam.step()
+    return network.eval()
+
+
+def warped(pictures: Tensor, rng: torch.Generator, prepare: Prepare = lambda y: y) -> Tensor:
+    """Return pictures (B, C, H, W) warped smoothly at random; masks stay masks, or blur would give them away."""
+    count, size = len(pictures), [2 * side for side in pictures.shape[2:]]
+    fine = F.interpolate(pictures, size=size, mode="bilinear", align_corners=False)
+    lines = [torch.linspace(1 / side - 1, 1 - 1 / side, side) for side in size]
+    place = torch.stack(torch.meshgrid(*lines, indexing="ij")[::-1], -1)
+    bend = BENT * torch.randn(count, 2, KNOTS, KNOTS, generator=rng)
+    bend = F.interpolate(bend, size=size, mode="bicubic", align_corners=False).permute(0, 2, 3, 1)
+    bent = F.grid_sample(fine, (place + bend).to(fine), align_corners=False)
+    framed = prepare((bent > 0.5).to(bent) if pictures.shape[1] == 1 else bent)
+    return framed if framed.shape == pictures.shape else F.avg_pool2d(framed, 2)

@@ -1,0 +1,79 @@
+"""Viewing: how pictures came about whose view is not known, or in part: P, and the priors of its latents in bins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..projections.base import Projection
+from ..projections.observation import Observation
+from ..projections.priors import Prior, sample_each
+
+Latents = Mapping[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Viewing:
+    """y = P(x, θ), θ ~ p_k, k one of K bins.
+
+    Attributes:
+        projection: P.
+        priors: p_k.
+        learned: (n, rng) → draws of the latents whose distribution was learned, in place of the priors'.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> viewing = Viewing.of(up.projections.azimuth_bins(4, up.Silhouette(size=16)))
+        >>> viewing.possible({"azimuth": torch.tensor([0.0, 3.14])}, 2).int()
+        tensor([[1, 0, 0, 0],
+                [0, 0, 1, 0]], dtype=torch.int32)
+    """
+
+    projection: Projection
+    priors: tuple[Prior, ...]
+    learned: Callable[[int, torch.Generator], dict[str, Tensor]] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        observations: Sequence[Observation],
+        learned: Callable[[int, torch.Generator], dict[str, Tensor]] | None = None,
+    ) -> Viewing:
+        """Return the viewing of observations that share a projection."""
+        return cls(observations[0].projection, tuple(observation.prior for observation in observations), learned)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The latents that are drawn."""
+        rng = torch.Generator().manual_seed(0)
+        return tuple({**dict.fromkeys(self.priors[0].names), **(self.learned(1, rng) if self.learned else {})})
+
+    def is_known(self, known: Latents) -> bool:
+        """Whether nothing of the views is left to be found."""
+        return set(self.names) <= set(known)
+
+    def possible(self, known: Latents, count: int) -> Tensor:
+        """Return (count, K), whether each picture can be of each bin, by what is known of its latents.
+
+        One whose latents lie in no bin can be of any, since gaps between bins are no reason to refuse it.
+        """
+        inside = torch.ones(count, len(self.priors), dtype=torch.bool)
+        for k, prior in enumerate(self.priors):
+            factors: Sequence[Prior] = getattr(prior, "factors", (prior,))
+            for factor in factors:
+                if set(factor.names) <= set(known):
+                    inside[:, k] &= factor.contains(known)
+        return inside | ~inside.any(1, keepdim=True)
+
+    def draw(self, bins: Tensor, known: Latents, rng: torch.Generator) -> dict[str, Tensor]:
+        """Return latents (B,) of these bins (B,); those that are known, (B,) each, as they are."""
+        drawn = sample_each(self.priors, bins, rng) if self.priors[0].names else {}
+        drawn |= self.learned(len(bins), rng) if self.learned else {}
+        return {name: value.detach() for name, value in drawn.items()} | dict(known)
+
+    def project(self, x: Tensor, theta: Latents) -> Tensor:
+        """Return y = P(x, θ)."""
+        return self.projection(x, **{name: value.to(x) for name, value in theta.items()})

@@ -1,0 +1,165 @@
+"""`unproject fit`: things behind pictures, in folders of files, and what it says of pictures of something else."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from unproject.cli import main
+from unproject.data import cars, chairs
+from unproject.projections import Silhouette
+
+QUICK = ["--candidates", "8", "--starts", "2", "--steps", "3", "--tune", "2", "--threads", "1"]
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A toy run of shapes, that learned hardly anything."""
+    out = tmp_path_factory.mktemp("runs") / "shapes"
+    flags = "--size 16 --channels 16 --rank 8 --batch 16 --steps 60 --views known --rate 0.005 --solid 0.5 --gamma 0.01"
+    words = ["train", "shapes", *flags.split(), "--ema-half-life", "0", "--out", str(out), "--quiet"]
+    assert main(words) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def masks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("masks")
+    for k in range(3):
+        y = Silhouette(size=48)(chairs(3, 32, seed=5)[k : k + 1], azimuth=torch.tensor([0.7 * k]))
+        Image.fromarray(((y[0, 0] > 0.5) * 255).byte().numpy()).save(folder / f"chair{k}.png")
+    return folder
+
+
+def fit(*words: object) -> int:
+    return main(["fit", *map(str, words), *QUICK])
+
+
+def entries(out: Path) -> list[dict]:
+    return json.loads((out / "fit.json").read_text())["fits"]
+
+
+def test_a_folder_of_pictures_becomes_a_thing_each(shapes: Path, masks: Path, tmp_path: Path) -> None:
+    out = tmp_path / "fits"
+    assert fit(shapes, masks, "--out", out) == 0
+    names = ["chair0", "chair1", "chair2"]
+    assert [entry["name"] for entry in entries(out)] == names
+    with np.load(out / "fit.npz") as arrays:
+        assert arrays["volume"].shape == (3, 16, 16, 16)
+    for name in names:
+        with np.load(out / name / "fit.npz") as arrays:
+            assert arrays["x"].shape == (2, 16, 16, 16) and arrays["deviation"].shape == (16, 16, 16)
+    with Image.open(out / "sheet.png") as sheet:
+        assert sheet.height > 3 * 64
+    for entry in entries(out):
+        (view,) = entry["views"]
+        assert ("no file" in entry["why"]) != (out / entry["name"] / f"{entry['name']}.glb").is_file()
+        assert sum(view["posterior"]) == pytest.approx(1, abs=0.01) and view["distance"] > 0
+        assert sum(entry["weights"]) == pytest.approx(1, abs=0.01)
+
+
+def test_a_run_that_was_stopped_goes_on(shapes: Path, masks: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "fits"
+    assert fit(shapes, masks, "--out", out, "--no-judge") == 0
+    first, written = (out / "chair0" / "fit.json"), (out / "chair1" / "fit.json")
+    before, kept = json.loads(written.read_text()), first.stat().st_mtime_ns
+    written.unlink()
+    (out / "fit.json").unlink()
+    assert fit(shapes, masks, "--out", out, "--no-judge") == 0
+    assert first.stat().st_mtime_ns == kept
+    again = json.loads(written.read_text())
+    assert {**again, "seconds": 0} == {**before, "seconds": 0}
+    capsys.readouterr()
+    assert fit(shapes, masks, "--out", out, "--no-judge", "--seed", "1") == 2
+    assert "give another --out" in capsys.readouterr().err
+
+
+def test_several_pictures_of_one_thing(shapes: Path, masks: Path, tmp_path: Path) -> None:
+    out = tmp_path / "fits"
+    assert fit(shapes, *sorted(masks.iterdir()), "--out", out, "--together", "--no-judge", "--to", "obj") == 0
+    (entry,) = entries(out)
+    assert len(entry["views"]) == 3 and entry["p"] is None
+    assert ("no file" in entry["why"]) != (out / "together" / "together.obj").is_file()
+
+
+def test_views_that_are_given_are_kept(shapes: Path, masks: Path, tmp_path: Path) -> None:
+    assert fit(shapes, masks / "chair0.png", "--out", tmp_path / "a", "--view", "40", "--no-judge") == 0
+    (entry,) = entries(tmp_path / "a")
+    assert entry["views"][0]["azimuth"] == pytest.approx(40, abs=0.01)
+    assert entry["views"][0]["posterior"][round(40 / 22.5)] == 1
+    np.savez(tmp_path / "known.npz", silhouette=np.ones((2, 16, 16), np.uint8), azimuth=np.array([0.1, 2.0]))
+    assert fit(shapes, tmp_path / "known.npz", "--out", tmp_path / "b", "--no-judge") == 0
+    found = [entry["views"][0]["azimuth"] for entry in entries(tmp_path / "b")]
+    assert found == pytest.approx([math.degrees(0.1), math.degrees(2.0)], abs=0.1)
+
+
+def test_pictures_of_something_else_are_warned_of(shapes: Path, tmp_path: Path, capsys) -> None:
+    folder = tmp_path / "else"
+    folder.mkdir()
+    y = Silhouette(size=48)(cars(1, 32, seed=5), azimuth=torch.tensor([math.pi / 2]))
+    wheel_up = ((y[0, 0] > 0.5) * 255).byte().flip(0).numpy()
+    Image.fromarray(wheel_up).save(folder / "car.png")
+    assert fit(shapes, folder, "--out", tmp_path / "fits") == 0
+    (entry,) = entries(tmp_path / "fits")
+    assert entry["explained"] is False and "another kind" in entry["why"]
+    assert "warning: car is not explained" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words, says",
+    [
+        (["--view", "north"], "--view north: give degrees of azimuth, elevation"),
+        (["--light", "ambient"], "only photographs of materials have a light"),
+        (["--to", "mtlx"], "--to mtlx: there is no such format"),
+        (["--observation", "side"], "the run has no observation 'side'"),
+        (["--rate", "0"], "rate=0: must be positive"),
+    ],
+    ids=["view", "light", "format", "observation", "rate"],
+)
+def test_mistakes_are_told_in_one_line(shapes: Path, masks: Path, tmp_path: Path, capsys, words, says) -> None:
+    assert main(["fit", str(shapes), str(masks), "--out", str(tmp_path / "fits"), *words]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("unproject: ") and says in said and said.count("\n") == 1
+    assert not (tmp_path / "fits").exists()
+
+
+def test_paths_that_are_not_there(shapes: Path, tmp_path: Path, capsys) -> None:
+    for path in ("gone.png", "gone", "gone.npz"):
+        assert main(["fit", str(shapes), str(tmp_path / path), "--out", str(tmp_path / "fits")]) == 2
+        assert "check the path" in capsys.readouterr().err
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "diary.txt").write_text("dear diary")
+    np.savez(tmp_path / "one.npz", silhouette=np.ones((1, 16, 16), np.uint8))
+    assert fit(shapes, tmp_path / "one.npz", "--out", tmp_path / "full", "--no-judge") == 2
+    assert "is not empty and holds no fits" in capsys.readouterr().err
+
+
+def test_an_image_behind_the_lines_of_a_sinogram(tmp_path: Path) -> None:
+    run = tmp_path / "digits"
+    flags = ["--channels", "16", "--size", "16", "--batch", "16", "--steps", "3"]
+    assert main(["train", "digits", *flags, "--out", str(run), "--quiet"]) == 0
+    rng = np.random.default_rng(0)
+    np.savez(tmp_path / "scan.npz", sinograms=rng.random((2, 16, 3)) / 2, angle=np.array([0.0, 1.0, 2.0]))
+    out = tmp_path / "fits"
+    assert fit(run, tmp_path / "scan.npz", "--out", out, "--no-judge") == 0
+    assert [len(entry["views"]) for entry in entries(out)] == [3, 3]
+    with np.load(out / "fit.npz") as arrays:
+        assert arrays["image"].shape == (2, 1, 16, 16)
+
+
+def test_a_material_behind_a_photograph(tmp_path: Path) -> None:
+    run, photograph = tmp_path / "wood", tmp_path / "plank.jpg"
+    flags = ["--size", "16", "--batch", "2", "--steps", "1"]
+    assert main(["train", "wood", *flags, "--out", str(run), "--quiet"]) == 0
+    Image.effect_noise((70, 64), 60).convert("RGB").save(photograph)
+    out = tmp_path / "fits"
+    assert fit(run, photograph, "--out", out, "--light", "directional:0,0", "--view", "0") == 0
+    assert list((out / "plank" / "textures").rglob("*.png"))
+    with np.load(out / "fit.npz") as arrays:
+        assert arrays["diffuse"].shape == (1, 3, 16, 16)
