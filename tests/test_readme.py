@@ -79,7 +79,12 @@ def shortened(command: str) -> str:
     command = re.sub(r"--(minutes|steps) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
     command = command.replace("--ceiling", "")
-    more = {"train": "--steps 2 --batch 4 --quiet", "resume": "--steps 3 --quiet", "evaluate": "--n 10", "fit": LEAST_FIT}
+    more = {
+        "train": "--steps 2 --batch 4 --quiet",
+        "resume": "--steps 3 --quiet",
+        "evaluate": "--n 10",
+        "fit": LEAST_FIT,
+    }
     return f"{command} {more.get(verb, '')}"
 
 

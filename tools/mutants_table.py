@@ -2699,6 +2699,93 @@ SIZES = (
     ),
 )
 
+INVERSION = (
+    mutant(
+        "fit: known views are drawn anew",
+        "inversion/viewing.py",
+        "for name, value in drawn.items()} | dict(known)",
+        "for name, value in drawn.items()}",
+        "inversion/test_fitter.py::test_four_known_views_find_the_sample",
+    ),
+    mutant(
+        "fit: views are looked for in the present bin only",
+        "inversion/fitter.py",
+        "(everywhere if len(everywhere) > 1 else ())",
+        "()",
+        "inversion/test_fitter.py::test_views_are_looked_for_in_every_bin",
+    ),
+    mutant(
+        "fit: the posterior has the view that was found only",
+        "inversion/fitter.py",
+        "least[..., k] = torch.minimum(least[..., k], best)",
+        "pass",
+        "inversion/test_fitter.py::test_the_posterior_has_both_views_of_a_symmetric_shape",
+    ),
+    mutant(
+        "fit: distances have the unit of the readings",
+        "inversion/candidates.py",
+        ".flatten(2).mean(2) / self.variance",
+        ".flatten(2).mean(2)",
+        "inversion/test_fitter.py::test_distances_have_no_unit",
+    ),
+    mutant(
+        "fit: latents have no prior",
+        "inversion/fitter.py",
+        "distance.sum(1) + self.search.prior * v.square().mean(1)",
+        "distance.sum(1)",
+        "inversion/test_fitter.py::test_the_prior_keeps_latents_usual",
+    ),
+    mutant(
+        "fit: latents are not whitened",
+        "inversion/latent_space.py",
+        "(deviation * axes[kept]).float()",
+        "axes[kept].float()",
+        "inversion/test_fitter.py::test_latents_are_white",
+    ),
+    mutant(
+        "fit: tuning changes the run's own generator",
+        "inversion/tuning.py",
+        "copy.deepcopy(candidates.generator).requires_grad_(True)",
+        "candidates.generator.requires_grad_(True)",
+        "inversion/test_fitter.py::test_tuning_changes_a_copy_of_the_generator",
+    ),
+    mutant(
+        "novelty: a picture must be strange in both numbers",
+        "inversion/novelty.py",
+        "shares.amin(1) * shares.shape[1]",
+        "shares.amax(1)",
+        "inversion/test_novelty.py::test_either_number_is_enough",
+    ),
+    mutant(
+        "novelty: warped masks are blurred",
+        "inversion/novelty.py",
+        "(bent > 0.5).to(bent) if pictures.shape[1] == 1 else bent",
+        "bent",
+        "inversion/test_novelty.py::test_warped_masks_stay_masks_of_their_size",
+    ),
+    mutant(
+        "framed silhouettes: objects keep their size",
+        "projections/framed.py",
+        "return self.prepare(self.silhouette(x, azimuth=azimuth, **given))",
+        "return self.silhouette(x, azimuth=azimuth, **given)",
+        "projections/test_framed.py",
+    ),
+    mutant(
+        "fit: things that are there are found again",
+        "cli/_fits.py",
+        "if not file.is_file():\n        some,",
+        "if True:\n        some,",
+        "cli/test_fit.py::test_a_run_that_was_stopped_goes_on",
+    ),
+    mutant(
+        "fit: a folder of other fits is taken over",
+        "cli/_fits.py",
+        'if file.is_file() and json.loads(file.read_text(encoding="utf-8")) != settings:',
+        "if False:",
+        "cli/test_fit.py::test_a_run_that_was_stopped_goes_on",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2722,4 +2809,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *ANY_CLASS,
     *SIZES,
     *CHOICES,
+    *INVERSION,
 )

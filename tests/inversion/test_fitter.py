@@ -10,6 +10,7 @@ from torch import Tensor
 
 from unproject import UserError
 from unproject.inversion import Fitter, LatentSpace, Search, Viewing
+from unproject.inversion.fitter import Pictures, State
 from unproject.networks import Generator, LowRankGenerator
 from unproject.projections import LineIntegral, Observation, Silhouette, Uniform, azimuth_bins, directions
 
@@ -81,14 +82,15 @@ def test_the_posterior_has_both_views_of_a_symmetric_shape() -> None:
 
 
 def test_views_are_looked_for_in_every_bin() -> None:
-    # One candidate, drawn far from the thing, begins in whatever view; as it changes, another view is better.
-    viewing = seats()
-    _, pictures, _ = one_seat(viewing, [0.0])
-    apart = [
-        Fitter(Seats(), viewing, Search(candidates=1, starts=1, steps=60, looks=looks), seed=2).fit(pictures).error
-        for looks in (0, 5)
-    ]
-    assert apart[1] < 0.8 * apart[0]
+    viewing, step = seats(), 2 * math.pi / BINS
+    x, pictures, _ = one_seat(viewing, [3 * step])
+    fitter, of = Fitter(Seats(), viewing), Pictures(pictures, {}, viewing.possible({}, 1))
+    wrong = {"azimuth": torch.full((1, 1), 10 * step), "elevation": torch.zeros(1, 1)}
+    state = State(torch.zeros(1, 4), torch.full((1, 1), 10), wrong)
+    looked = fitter._looked(state, x, of, torch.Generator().manual_seed(0))
+    assert looked.bins.item() in (3, BINS // 2 - 3)
+    off = looked.theta["azimuth"] - looked.bins * step
+    assert off.abs() < step / 2 + 1e-6
 
 
 def test_a_view_outside_of_all_bins_is_no_reason_to_refuse_a_picture() -> None:
