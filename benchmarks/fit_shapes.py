@@ -10,6 +10,7 @@ that is best for all shapes of a column together (the gauge of a run is free; tr
     fit       the best explanation, and the mean of all by weight at ½
     sample    the best of 512 samples by the distance of silhouettes, over 16 azimuths (or those known)
     nearest   the nearest training shape in the same way, over 64 azimuths
+    hull      of the silhouettes, of known views
     kind      the share of silhouettes that are called of another kind, of this class and of birds
 
 A line of JSON a class and form is written to OUT/results.jsonl, a line that is there is left out.
@@ -76,6 +77,20 @@ def nearest(shapes: Tensor, viewing: Viewing, pictures: Tensor, azimuth: Tensor 
     return (found.sum(1) if azimuth is None else table).argmin(1)
 
 
+def hulls(pictures: Tensor, azimuth: Tensor) -> Tensor:
+    """Return all that lies within silhouettes (N, M, 1, 32, 32) of level views at azimuths (N, M)."""
+    line = (torch.arange(any_class.SIZE) + 0.5) * 2 / any_class.SIZE - 1
+    x, y, z = torch.meshgrid(line, line, line, indexing="ij")
+    inside = torch.ones(len(pictures), *x.shape)
+    for m in range(pictures.shape[1]):
+        cos, sin = (f(azimuth[:, m])[:, None, None, None] for f in (torch.cos, torch.sin))
+        across = x * cos - z * sin
+        place = torch.stack([across, -y.expand_as(across)], -1).flatten(2, 3)
+        seen = F.grid_sample(pictures[:, m], place, align_corners=False)[:, 0].view_as(inside)
+        inside = inside * (seen > 0.5)
+    return inside
+
+
 def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
     """Return the scores of a class and form."""
     run = up.load(args.runs / f"{name}-{form}-0")
@@ -105,6 +120,8 @@ def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
         "distance": float(np.mean([fit.error for fit in fits])),
         "seconds": seconds,
     }
+    if known is not None:
+        row["hull"] = iou(hulls(pictures, known), true, (0,))
     return {"class": name, "form": form, "n": len(true), **row, **told(run, fitter.viewing, form, fits, pictures, args)}
 
 
