@@ -80,6 +80,38 @@ def test_a_run_that_was_stopped_goes_on(shapes: Path, masks: Path, tmp_path: Pat
     assert "give another --out" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("flags", [["--seed", "1"], ["--view", "40"]], ids=["seed", "view"])
+def test_fits_by_other_flags_are_not_taken_for_these(shapes: Path, masks: Path, tmp_path: Path, capsys, flags) -> None:
+    words = [shapes, masks / "chair0.png", "--out", tmp_path / "fits", "--no-judge"]
+    assert fit(*words) == 0
+    assert fit(*words, *flags) == 2
+    assert "give another --out" in capsys.readouterr().err
+
+
+def test_other_pictures_of_the_same_name_are_not_taken_for_these(shapes: Path, masks: Path, tmp_path: Path) -> None:
+    picture, out = tmp_path / "chair.png", tmp_path / "fits"
+    picture.write_bytes((masks / "chair0.png").read_bytes())
+    assert fit(shapes, picture, "--out", out, "--no-judge") == 0
+    picture.write_bytes((masks / "chair1.png").read_bytes())
+    assert fit(shapes, picture, "--out", out, "--no-judge") == 2
+
+
+def test_pictures_of_one_name_stay_two(shapes: Path, masks: Path, tmp_path: Path, capsys) -> None:
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    for suffix in ("png", "bmp"):
+        with Image.open(masks / "chair0.png") as picture:
+            picture.save(folder / f"chair.{suffix}")
+    assert fit(shapes, folder, "--out", tmp_path / "fits", "--no-judge") == 2
+    assert "would be called chair" in capsys.readouterr().err
+
+
+def test_paths_may_be_relative_and_absolute(shapes: Path, masks: Path, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(masks)
+    assert fit(shapes, "chair0.png", masks / "chair1.png", "--out", tmp_path / "fits", "--no-judge") == 0
+    assert [entry["name"] for entry in entries(tmp_path / "fits")] == ["chair0", "chair1"]
+
+
 def test_several_pictures_of_one_thing(shapes: Path, masks: Path, tmp_path: Path) -> None:
     out = tmp_path / "fits"
     assert fit(shapes, *sorted(masks.iterdir()), "--out", out, "--together", "--no-judge", "--to", "obj") == 0

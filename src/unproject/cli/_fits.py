@@ -20,6 +20,7 @@ from .._types import UserError
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..export.pictures import graphs
 from ..inversion import DOUBTFUL
+from ..training.description import describe
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -55,17 +56,22 @@ class Job:
         """Return the rows of each thing by its name: lines of one sinogram, `00007#2`, belong together."""
         if together:
             return {"together": list(range(len(self.found)))}
-        things = [Path(name.partition("#")[0]).with_suffix("") for name in self.found.names]
-        common = Path(os.path.commonpath([thing.parent for thing in things]))
+        paths = [Path(os.path.abspath(name.partition("#")[0])) for name in self.found.names]
+        common = Path(os.path.commonpath([path.parent for path in paths]))
         grouped: dict[str, list[int]] = {}
-        for row, thing in enumerate(things):
-            grouped.setdefault("_".join(thing.relative_to(common).parts), []).append(row)
+        made_of: dict[str, Path] = {}
+        for row, path in enumerate(paths):
+            name = "_".join(path.relative_to(common).with_suffix("").parts)
+            if made_of.setdefault(name, path) != path:
+                raise UserError(f"{path}: would be called {name}, as {made_of[name]} is; rename one of them")
+            grouped.setdefault(name, []).append(row)
         return grouped
 
     def settings(self) -> str:
         """Return what things must have in common to lie in one folder."""
         described = [str(self.opened.path), self.opened.step, self.fitter.seed, asdict(self.fitter.search)]
-        described += [repr(self.fitter.viewing.projection), self.to, self.novelty is not None]
+        described += [describe(self.found), describe(self.found.latents), describe(self.fitter.viewing)]
+        described += [self.to, self.novelty is not None]
         return sha256(json.dumps(described).encode()).hexdigest()[:16]
 
 
@@ -74,7 +80,7 @@ def write_fits(job: Job, together: bool) -> None:
     groups = job.groups(together)
     _claim(job.out / "settings.json", {"settings": job.settings(), "things": list(groups)})
     entries = [_thing(job, name, rows, k, len(groups)) for k, (name, rows) in enumerate(groups.items())]
-    found = [torch.from_numpy(np.load(job.out / name / "fit.npz")["x"][0]) for name in groups]
+    found = [_best(job.out / name / "fit.npz") for name in groups]
     job.opened.domain.write_arrays(torch.stack(found), job.out / "fit.npz")
     _write_text(job.out / "fit.json", json.dumps({"run": str(job.opened.path), "fits": entries}, indent=1))
     rows = [Image.open(job.out / name / "fit.png").convert("RGB") for name in list(groups)[:SHOWN]]
@@ -143,6 +149,11 @@ def _write_thing(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
     row.paste(shown, (0, 0))
     row.paste(preview, (shown.width, 0))
     save_image(row, folder / "fit.png")
+
+
+def _best(file: Path) -> Tensor:
+    with np.load(file) as arrays:
+        return torch.from_numpy(arrays["x"][0])
 
 
 def _claim(file: Path, settings: dict[str, Any]) -> None:

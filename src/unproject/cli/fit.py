@@ -29,7 +29,7 @@ def run(
     pictures: tuple[Path, ...],
     /,
     *,
-    out: Path,
+    out: Path = Path("fits"),
     view: str | None = None,
     light: str | None = None,
     observation: str | None = None,
@@ -158,6 +158,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float)
     from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
     from ..data.measured_lines import standardised_lines
     from ..data.readers.pictures import picture_files
+    from ..projections import Cropped, FramedSilhouette, Silhouette
 
     if not paths:
         raise UserError("fit: name pictures, a folder of them or an .npz")
@@ -168,9 +169,12 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float)
         return read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
     if opened.domain.name == "image":
         return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale)
-    if listed:
-        return mapped(read_silhouettes(paths, 2 * size), viewing.projection.prepare)
-    return mapped(read(paths[0], 2 * size if paths[0].is_dir() else None), viewing.projection.prepare)
+    if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
+        if listed:
+            raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
+        return read(paths[0], size, pictures="images")
+    found = read_silhouettes(paths, 2 * size) if listed else read(paths[0], 2 * size if paths[0].is_dir() else None)
+    return mapped(found, viewing.projection.prepare)
 
 
 def known_views(found: Collection, viewing: Viewing, given: Mapping[str, float]) -> dict[str, Tensor] | None:
