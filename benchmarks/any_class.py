@@ -49,15 +49,15 @@ RENDERED, SIZE, SHAPES, BINS = 64, 32, 200, 16
 UNLIKE_CARS = ("kart", "tractor")
 
 
-def volumes_of(name: str, data: Path) -> tuple[Tensor, Tensor]:
-    """Return training and held-out volumes (N, 64, 64, 64) of a class."""
+def volumes_of(name: str, data: Path, shapes: int = SHAPES) -> tuple[Tensor, Tensor]:
+    """Return training volumes, at most so many, and held-out ones (N, 64, 64, 64) of a class."""
     if name in MODELNET:
         archive = data / "shapes3d" / "modelnet7_vox30_packbits.npz"
         splits = [up.Collection.volumes(f"{archive}:{name}/{split}", size=RENDERED) for split in ("train", "test")]
         rng = torch.Generator().manual_seed(7)
         rows = [
             torch.randperm(len(split), generator=rng)[:most].sort().values
-            for split, most in zip(splits, (SHAPES, 100), strict=True)
+            for split, most in zip(splits, (shapes, 100), strict=True)
         ]
         return splits[0].batch(rows[0]), splits[1].batch(rows[1])
     meshes = birds(data) if name == "bird" else cars(data)
@@ -84,13 +84,13 @@ def cars(data: Path) -> list[tuple[np.ndarray, np.ndarray]]:
     return found
 
 
-def prepare(name: str, data: Path, out: Path) -> Path:
-    """Render a class's silhouettes once; return its folder."""
+def prepare(name: str, data: Path, out: Path, shapes: int = SHAPES) -> Path:
+    """Render silhouettes of at most so many shapes of a class once; return its folder."""
     folder = out / "data" / name
     if (folder / "truth.pt").exists():
         return folder
     (folder / "cropped").mkdir(parents=True, exist_ok=True)
-    train, test = volumes_of(name, data)
+    train, test = volumes_of(name, data, shapes)
     views = up.projections.azimuth_bins(BINS, up.Silhouette(size=RENDERED))
     seen = up.data.observe(train, views, 16 if len(train) > 50 else 64, seed=3, binary=True, chunk=16)
     masks = seen.floats()[:, 0].numpy() > 0.5
@@ -206,6 +206,7 @@ def main() -> None:
     parser.add_argument("--classes", nargs="+", choices=CLASSES, default=CLASSES)
     parser.add_argument("--forms", nargs="+", choices=FORMS, default=FORMS)
     parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1))
+    parser.add_argument("--shapes", type=int, default=SHAPES, help="training shapes of a class, at most")
     given = parser.parse_args()
     torch.set_num_threads(1)
     count_cpu_seconds()
@@ -215,7 +216,7 @@ def main() -> None:
             for form in given.forms:
                 if results.has(name, form, seed):
                     continue
-                folder = prepare(name, given.data, given.out)
+                folder = prepare(name, given.data, given.out, given.shapes)
                 found = run_arm(name, form, seed, given.minutes, folder, given.out)
                 results.add({"class": name, "form": form, "seed": seed, **found})
     print(table(results.rows))

@@ -94,7 +94,7 @@ def hulls(pictures: Tensor, azimuth: Tensor) -> Tensor:
 def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
     """Return the scores of a class and form."""
     run = up.load(args.runs / f"{name}-{form}-0")
-    train, test = any_class.volumes_of(name, args.data)
+    train, test = any_class.volumes_of(name, args.data, args.shapes)
     true = halved(test[: args.n])
     rng = torch.Generator().manual_seed(5)
     azimuth = 2 * math.pi * torch.rand(len(true), 1 if form == "cropped" else VIEWS, generator=rng)
@@ -145,6 +145,7 @@ def main() -> None:
     parser.add_argument("--classes", nargs="+", default=["desk"])
     parser.add_argument("--forms", nargs="+", default=["cropped"], choices=("cropped", "known"))
     parser.add_argument("--n", type=int, default=50)
+    parser.add_argument("--shapes", type=int, default=any_class.SHAPES, help="training shapes of a class, at most")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
