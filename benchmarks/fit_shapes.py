@@ -8,8 +8,8 @@ are, at known azimuths. Scores are the mean IoU with the true shape at 32³, all
 that is best for all shapes of a column together (the gauge of a run is free; training shapes need none):
 
     fit       the best explanation, and the mean of all by weight at ½
-    sample    the best of 512 samples by the distance of silhouettes, over 16 azimuths (or those known)
-    nearest   the nearest training shape in the same way, over 64 azimuths
+    sample    the best of 512 samples by the distance of silhouettes, over 64 azimuths (or those known)
+    nearest   the nearest training shape in the same way
     hull      of the silhouettes, of known views
     kind      the share of silhouettes that are called of another kind, of this class and of birds
 
@@ -32,7 +32,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 import unproject as up
-from unproject.inversion import DOUBTFUL, Fit, Search, Viewing
+from unproject.inversion import DOUBTFUL, Search, Viewing
 from unproject.ops import unit_sized
 from unproject.training.fitting import novelty_of
 
@@ -122,11 +122,17 @@ def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
     }
     if known is not None:
         row["hull"] = iou(hulls(pictures, known), true, (0,))
-    return {"class": name, "form": form, "n": len(true), **row, **told(run, fitter.viewing, form, fits, pictures, args)}
+    return {
+        "class": name,
+        "form": form,
+        "n": len(true),
+        **row,
+        **of_another_kind(run, fitter.viewing, form, pictures, args),
+    }
 
 
-def told(
-    run: up.Run, viewing: Viewing, form: str, fits: Sequence[Fit], pictures: Tensor, args: argparse.Namespace
+def of_another_kind(
+    run: up.Run, viewing: Viewing, form: str, pictures: Tensor, args: argparse.Namespace
 ) -> dict[str, float]:
     """Return the shares of pictures called of another kind, of a run on cropped silhouettes."""
     if form != "cropped":

@@ -70,7 +70,7 @@ ELSEWHERE = ("unproject demo", "unproject reproduce", "unproject data get")
 """Commands that take minutes or the network; they have tests of their own."""
 
 
-LEAST_FIT = "--candidates 4 --starts 1 --steps 1 --tune 0 --no-judge"
+LEAST_FIT = "--candidates 4 --starts 1 --steps 1 --tune 0 --no-novelty"
 
 
 def shortened(command: str) -> str:

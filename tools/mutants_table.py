@@ -2708,11 +2708,11 @@ INVERSION = (
         "inversion/test_fitter.py::test_four_known_views_find_the_sample",
     ),
     mutant(
-        "fit: views are looked for in the present bin only",
+        "fit: views are searched in the present bin only",
         "inversion/fitter.py",
         "(everywhere if len(everywhere) > 1 else ())",
         "()",
-        "inversion/test_fitter.py::test_views_are_looked_for_in_every_bin",
+        "inversion/test_fitter.py::test_views_are_searched_in_every_bin",
     ),
     mutant(
         "fit: the posterior has the view that was found only",
@@ -2771,7 +2771,7 @@ INVERSION = (
         "projections/test_framed.py",
     ),
     mutant(
-        "fit: things that are there are found again",
+        "fit: what is there is fitted again",
         "cli/_fits.py",
         "if not file.is_file():\n        some,",
         "if True:\n        some,",

@@ -1,4 +1,4 @@
-"""`unproject fit`: things behind pictures, in folders of files, and what it says of pictures of something else."""
+"""`unproject fit`: objects behind pictures, in folders of files, and what it says of pictures of something else."""
 
 from __future__ import annotations
 
@@ -66,23 +66,23 @@ def test_a_folder_of_pictures_becomes_a_thing_each(shapes: Path, masks: Path, tm
 
 def test_a_run_that_was_stopped_goes_on(shapes: Path, masks: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "fits"
-    assert fit(shapes, masks, "--out", out, "--no-judge") == 0
+    assert fit(shapes, masks, "--out", out, "--no-novelty") == 0
     first, written = (out / "chair0" / "fit.json"), (out / "chair1" / "fit.json")
     before, kept = json.loads(written.read_text()), first.stat().st_mtime_ns
     written.unlink()
     (out / "fit.json").unlink()
-    assert fit(shapes, masks, "--out", out, "--no-judge") == 0
+    assert fit(shapes, masks, "--out", out, "--no-novelty") == 0
     assert first.stat().st_mtime_ns == kept
     again = json.loads(written.read_text())
     assert {**again, "seconds": 0} == {**before, "seconds": 0}
     capsys.readouterr()
-    assert fit(shapes, masks, "--out", out, "--no-judge", "--seed", "1") == 2
+    assert fit(shapes, masks, "--out", out, "--no-novelty", "--seed", "1") == 2
     assert "give another --out" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("flags", [["--seed", "1"], ["--view", "40"]], ids=["seed", "view"])
 def test_fits_by_other_flags_are_not_taken_for_these(shapes: Path, masks: Path, tmp_path: Path, capsys, flags) -> None:
-    words = [shapes, masks / "chair0.png", "--out", tmp_path / "fits", "--no-judge"]
+    words = [shapes, masks / "chair0.png", "--out", tmp_path / "fits", "--no-novelty"]
     assert fit(*words) == 0
     assert fit(*words, *flags) == 2
     assert "give another --out" in capsys.readouterr().err
@@ -91,9 +91,9 @@ def test_fits_by_other_flags_are_not_taken_for_these(shapes: Path, masks: Path, 
 def test_other_pictures_of_the_same_name_are_not_taken_for_these(shapes: Path, masks: Path, tmp_path: Path) -> None:
     picture, out = tmp_path / "chair.png", tmp_path / "fits"
     picture.write_bytes((masks / "chair0.png").read_bytes())
-    assert fit(shapes, picture, "--out", out, "--no-judge") == 0
+    assert fit(shapes, picture, "--out", out, "--no-novelty") == 0
     picture.write_bytes((masks / "chair1.png").read_bytes())
-    assert fit(shapes, picture, "--out", out, "--no-judge") == 2
+    assert fit(shapes, picture, "--out", out, "--no-novelty") == 2
 
 
 def test_pictures_of_one_name_stay_two(shapes: Path, masks: Path, tmp_path: Path, capsys) -> None:
@@ -102,31 +102,31 @@ def test_pictures_of_one_name_stay_two(shapes: Path, masks: Path, tmp_path: Path
     for suffix in ("png", "bmp"):
         with Image.open(masks / "chair0.png") as picture:
             picture.save(folder / f"chair.{suffix}")
-    assert fit(shapes, folder, "--out", tmp_path / "fits", "--no-judge") == 2
+    assert fit(shapes, folder, "--out", tmp_path / "fits", "--no-novelty") == 2
     assert "would be called chair" in capsys.readouterr().err
 
 
 def test_paths_may_be_relative_and_absolute(shapes: Path, masks: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(masks)
-    assert fit(shapes, "chair0.png", masks / "chair1.png", "--out", tmp_path / "fits", "--no-judge") == 0
+    assert fit(shapes, "chair0.png", masks / "chair1.png", "--out", tmp_path / "fits", "--no-novelty") == 0
     assert [entry["name"] for entry in entries(tmp_path / "fits")] == ["chair0", "chair1"]
 
 
 def test_several_pictures_of_one_thing(shapes: Path, masks: Path, tmp_path: Path) -> None:
     out = tmp_path / "fits"
-    assert fit(shapes, *sorted(masks.iterdir()), "--out", out, "--together", "--no-judge", "--to", "obj") == 0
+    assert fit(shapes, *sorted(masks.iterdir()), "--out", out, "--together", "--no-novelty", "--to", "obj") == 0
     (entry,) = entries(out)
     assert len(entry["views"]) == 3 and entry["p"] is None
     assert ("no file" in entry["why"]) != (out / "together" / "together.obj").is_file()
 
 
 def test_views_that_are_given_are_kept(shapes: Path, masks: Path, tmp_path: Path) -> None:
-    assert fit(shapes, masks / "chair0.png", "--out", tmp_path / "a", "--view", "40", "--no-judge") == 0
+    assert fit(shapes, masks / "chair0.png", "--out", tmp_path / "a", "--view", "40", "--no-novelty") == 0
     (entry,) = entries(tmp_path / "a")
     assert entry["views"][0]["azimuth"] == pytest.approx(40, abs=0.01)
     assert entry["views"][0]["posterior"][round(40 / 22.5)] == 1
     np.savez(tmp_path / "known.npz", silhouette=np.ones((2, 16, 16), np.uint8), azimuth=np.array([0.1, 2.0]))
-    assert fit(shapes, tmp_path / "known.npz", "--out", tmp_path / "b", "--no-judge") == 0
+    assert fit(shapes, tmp_path / "known.npz", "--out", tmp_path / "b", "--no-novelty") == 0
     found = [entry["views"][0]["azimuth"] for entry in entries(tmp_path / "b")]
     assert found == pytest.approx([math.degrees(0.1), math.degrees(2.0)], abs=0.1)
 
@@ -168,7 +168,7 @@ def test_paths_that_are_not_there(shapes: Path, tmp_path: Path, capsys) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "diary.txt").write_text("dear diary")
     np.savez(tmp_path / "one.npz", silhouette=np.ones((1, 16, 16), np.uint8))
-    assert fit(shapes, tmp_path / "one.npz", "--out", tmp_path / "full", "--no-judge") == 2
+    assert fit(shapes, tmp_path / "one.npz", "--out", tmp_path / "full", "--no-novelty") == 2
     assert "is not empty and holds no fits" in capsys.readouterr().err
 
 
@@ -179,7 +179,7 @@ def test_an_image_behind_the_lines_of_a_sinogram(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     np.savez(tmp_path / "scan.npz", sinograms=rng.random((2, 16, 3)) / 2, angle=np.array([0.0, 1.0, 2.0]))
     out = tmp_path / "fits"
-    assert fit(run, tmp_path / "scan.npz", "--out", out, "--no-judge") == 0
+    assert fit(run, tmp_path / "scan.npz", "--out", out, "--no-novelty") == 0
     assert [len(entry["views"]) for entry in entries(out)] == [3, 3]
     with np.load(out / "fit.npz") as arrays:
         assert arrays["image"].shape == (2, 1, 16, 16)

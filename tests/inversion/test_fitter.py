@@ -81,15 +81,15 @@ def test_the_posterior_has_both_views_of_a_symmetric_shape() -> None:
     torch.testing.assert_close(found.posterior.sum(), torch.tensor(1.0))
 
 
-def test_views_are_looked_for_in_every_bin() -> None:
+def test_views_are_searched_in_every_bin() -> None:
     viewing, step = seats(), 2 * math.pi / BINS
     x, pictures, _ = one_seat(viewing, [3 * step])
     fitter, of = Fitter(Seats(), viewing), Pictures(pictures, {}, viewing.possible({}, 1))
     wrong = {"azimuth": torch.full((1, 1), 10 * step), "elevation": torch.zeros(1, 1)}
     state = State(torch.zeros(1, 4), torch.full((1, 1), 10), wrong)
-    looked = fitter._looked(state, x, of, torch.Generator().manual_seed(0))
-    assert looked.bins.item() in (3, BINS // 2 - 3)
-    off = looked.theta["azimuth"] - looked.bins * step
+    found = fitter._better_viewed(state, x, of, torch.Generator().manual_seed(0))
+    assert found.bins.item() in (3, BINS // 2 - 3)
+    off = found.theta["azimuth"] - found.bins * step
     assert off.abs() < step / 2 + 1e-6
 
 

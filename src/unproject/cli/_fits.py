@@ -1,4 +1,4 @@
-"""What `unproject fit` writes: a thing at a time, so that a run that was stopped goes on where it was."""
+"""What `unproject fit` writes: an object at a time, so that a run that was stopped goes on where it was."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 FAR = 0.6
 """The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
 CELL, SHOWN = 96, 24
-"""Pixels of a picture on the sheet, and things on it at most."""
+"""Pixels of a picture on the sheet, and objects on it at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ class Job:
 
     Attributes:
         found: the pictures as they are compared, with what is known of their views.
-        novelty: tells whether pictures are of the kind of the run's; None: that is not judged.
-        to: the format of each thing.
+        novelty: compares pictures with those of training; None: they are not compared.
+        to: the format of what is found.
     """
 
     found: Collection
@@ -53,7 +53,7 @@ class Job:
     out: Path
 
     def groups(self, together: bool) -> dict[str, list[int]]:
-        """Return the rows of each thing by its name: lines of one sinogram, `00007#2`, belong together."""
+        """Return the rows of each object by its name: lines of one sinogram, `00007#2`, belong together."""
         if together:
             return {"together": list(range(len(self.found)))}
         paths = [Path(os.path.abspath(name.partition("#")[0])) for name in self.found.names]
@@ -68,7 +68,7 @@ class Job:
         return grouped
 
     def settings(self) -> str:
-        """Return what things must have in common to lie in one folder."""
+        """Return what fits must have in common to lie in one folder."""
         described = [str(self.opened.path), self.opened.step, self.fitter.seed, asdict(self.fitter.search)]
         described += [describe(self.found), describe(self.found.latents), describe(self.fitter.viewing)]
         described += [self.to, self.novelty is not None]
@@ -76,10 +76,10 @@ class Job:
 
 
 def write_fits(job: Job, together: bool) -> None:
-    """Find and write each thing, then the files of all of them."""
+    """Find and write each fit, then the files of all of them."""
     groups = job.groups(together)
-    _claim(job.out / "settings.json", {"settings": job.settings(), "things": list(groups)})
-    entries = [_thing(job, name, rows, k, len(groups)) for k, (name, rows) in enumerate(groups.items())]
+    _claim(job.out / "settings.json", {"settings": job.settings(), "fits": list(groups)})
+    entries = [_entry(job, name, rows, k, len(groups)) for k, (name, rows) in enumerate(groups.items())]
     found = [_best(job.out / name / "fit.npz") for name in groups]
     job.opened.domain.write_arrays(torch.stack(found), job.out / "fit.npz")
     _write_text(job.out / "fit.json", json.dumps({"run": str(job.opened.path), "fits": entries}, indent=1))
@@ -89,17 +89,17 @@ def write_fits(job: Job, together: bool) -> None:
         sheet.paste(row, (0, sum(other.height for other in rows[:k])))
     save_image(sheet, job.out / "sheet.png")
     bad = [entry["name"] for entry in entries if entry["explained"] is False]
-    print(f"{job.out}: {len(entries)} things, {len(entries) - len(bad)} of them explain their pictures")
+    print(f"{job.out}: {len(entries)} fits, {len(entries) - len(bad)} of them explain their pictures")
 
 
-def _thing(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str, Any]:
-    """Return the entry of a thing, which is found and written unless it is there; fit.json comes last."""
+def _entry(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str, Any]:
+    """Return the entry of an object, which is found and written unless it is there; fit.json comes last."""
     file = job.out / name / "fit.json"
     if not file.is_file():
         some, begin = job.found.subset(rows), time.perf_counter()
         fit = job.fitter.fit(some.floats(), some.latents)
         entry = {"name": name, **described(job, some, fit), "seconds": round(time.perf_counter() - begin, 2)}
-        _write_thing(job, file.parent, some.floats(), fit)
+        _write_fit(job, file.parent, some.floats(), fit)
         _write_text(file, json.dumps(entry, indent=1))
     entry = json.loads(file.read_text(encoding="utf-8"))
     says = f"{name}: distance {entry['distance']:.2f}, {len(rows)} pictures, {entry['seconds']:.1f} s ({k + 1}/{count})"
@@ -110,7 +110,7 @@ def _thing(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str
 
 
 def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
-    """Return what fit.json holds of a thing."""
+    """Return what fit.json holds of an object."""
     p = None if job.novelty is None else job.novelty.p_values(found.floats())
     why = []
     if p is not None and p.min() < DOUBTFUL:
@@ -134,14 +134,14 @@ def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
     return {**verdict, "distance": round(fit.error, 4), "weights": weights, "views": views}
 
 
-def _write_thing(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
+def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
     domain = job.opened.domain
     arrays = {"x": fit.x, "mean": fit.mean, "deviation": fit.deviation, "weight": fit.weight, "latent": fit.latent}
-    with atomic_path(folder / "fit.npz") as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{name: value.numpy() for name, value in arrays.items()})  # pyright: ignore
-    thing = folder / ("textures" if job.to in MATERIAL_FORMATS else f"{folder.name}.{job.to}")
+    with atomic_path(folder / "fit.npz") as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **{name: value.numpy() for name, value in arrays.items()})  # pyright: ignore
+    file = folder / ("textures" if job.to in MATERIAL_FORMATS else f"{folder.name}.{job.to}")
     if not domain.is_empty(fit.x[:1]):
-        domain.exporters[job.to](domain.largest_part(fit.x[:1]), thing)
+        domain.exporters[job.to](domain.largest_part(fit.x[:1]), file)
     pairs = torch.stack([pictures, fit.projected.clamp(0, 1)], 1).flatten(0, 1)
     shown = picture_sheet(graphs(pairs) if pairs.dim() == 3 else pairs, columns=2, cell=CELL)
     preview = domain.preview(fit.x[:1])
@@ -157,7 +157,7 @@ def _best(file: Path) -> Tensor:
 
 
 def _claim(file: Path, settings: dict[str, Any]) -> None:
-    """Refuse a folder that holds other things, or the same by other settings."""
+    """Refuse a folder that holds other fits, or the same by other settings."""
     if file.is_file() and json.loads(file.read_text(encoding="utf-8")) != settings:
         raise UserError(f"{file.parent}: holds fits of other pictures or with other flags; give another --out")
     if not file.is_file():

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..training import Run
 
 FORMATS = {"volume": "glb", "image": "png", "maps": "maps"}
-"""What is written of each thing, by the domain."""
+"""What is written of each sample that was found, by the domain."""
 
 
 def run(
@@ -41,18 +41,18 @@ def run(
     steps: int = 100,
     rate: float = 0.1,
     prior: float = 0.02,
-    looks: int = 5,
+    view_searches: int = 5,
     tune: int = 30,
-    judge: bool = True,
+    novelty: bool = True,
     seed: int = 0,
     threads: int | None = None,
     trust: bool = False,
 ) -> None:
-    """Find the thing behind pictures: a shape by silhouettes, a material by photographs, an image by line integrals.
+    """Find the sample behind pictures: a shape by silhouettes, a material by photographs, an image by line integrals.
 
-    OUT gets fit.npz (the arrays of `unproject sample`, one row a thing), fit.json (views and their probabilities,
-    distances, whether the pictures are explained), sheet.png (pictures, things and their projections) and a folder of
-    files a thing, with several explanations, their mean and deviation in fit.npz. A run that was stopped goes on.
+    OUT gets fit.npz (the arrays of `unproject sample`, one row an object), fit.json (views and their probabilities,
+    distances, whether the pictures are explained), sheet.png (pictures, samples and their projections) and a folder of
+    files an object, with several explanations, their mean and deviation in fit.npz. A run that was stopped goes on.
 
     Args:
         path: the run directory.
@@ -63,17 +63,17 @@ def run(
             azimuth of materials (0,-90), the angle of lines (default: what views.csv or the .npz say, else unknown).
         light: of photographs of materials, as for `unproject render`; needs --view.
         observation: which of the run's observations made the pictures (`top`, `flash`; default: its only ones).
-        together: all pictures show one thing (default: a thing each; lines of one sinogram are of one image).
-        scale: what readings of line integrals are divided by, as in training (`unproject data inspect` tells it).
-        to: the format of each thing (default: glb of shapes, maps of materials, png of images); see `export`.
+        together: all pictures show one object (default: an object each; lines of one sinogram are of one image).
+        scale: what readings of line integrals are divided by, as in training (`unproject data inspect` prints it).
+        to: the format of what is found (default: glb of shapes, maps of materials, png of images); see `export`.
         candidates: samples that are compared with the pictures first.
         starts: of the descent, and explanations.
         steps: of the descent.
         rate: of the descent, in standard deviations of latents.
         prior: weight of usual latents.
-        looks: how often unknown views are looked for during the descent.
-        tune: steps that train the generator's own weights for the thing alone, at the end.
-        judge: compare pictures with those of training, which takes half a minute once a call.
+        view_searches: how often views that are not known are searched anew during the descent.
+        tune: steps that train the generator's own weights for these pictures alone, at the end.
+        novelty: compare pictures with those of training, which takes half a minute once a call (not with --light).
         seed: of the search.
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
@@ -85,7 +85,7 @@ def run(
     from ._fits import Job, write_fits
 
     use_threads(threads)
-    search = Search(candidates, min(starts, candidates), steps, rate, prior, looks, tune)
+    search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune)
     opened = load(path, trust=trust)
     to = to or FORMATS.get(opened.domain.name, "npz")
     if to not in opened.domain.exporters:
@@ -98,9 +98,9 @@ def run(
         state, (viewing, given) = None, (lit_viewing(opened, view, light), {})
     found = observed(opened, pictures, viewing, scale)
     found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
-    novelty = novelty_of(state, viewing) if judge and state is not None else None
+    compared = novelty_of(state, viewing) if novelty and state is not None else None
     fitter = opened.fitter(viewing=viewing, search=search, seed=seed)
-    write_fits(Job(found, fitter, novelty, opened, to, out), together)
+    write_fits(Job(found, fitter, compared, opened, to, out), together)
 
 
 def state_of_run(opened: Run, observation: str | None, trust: bool) -> AssignmentState:
@@ -162,7 +162,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float)
 
     if not paths:
         raise UserError("fit: name pictures, a folder of them or an .npz")
-    size, listed = opened.sample(1).shape[-1], are_pictures(paths)
+    size, listed = opened.generator.sample(1, batch=1).shape[-1], are_pictures(paths)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
     if opened.domain.name == "maps":

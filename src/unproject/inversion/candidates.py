@@ -1,4 +1,4 @@
-"""Candidates: samples of a generator and their projections, made once for all things that are looked for."""
+"""Candidates: samples of a generator and their projections, made once for all pictures."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Fit:
-    """S explanations of M pictures of one thing, the best first.
+    """S explanations of M pictures of one object, the best first.
 
     Attributes:
         x: (S, ...) samples.

@@ -1,6 +1,6 @@
-"""Fitter: looks for the samples of a generator whose projections are given pictures.
+"""Fitter: finds the samples of a generator whose projections are given pictures.
 
-For pictures y_1 … y_M of one thing, of views θ_m that may be unknown,
+For pictures y_1 … y_M of one object, of views θ_m that may be unknown,
 
     E(v, θ) = Σ_m |P(G(v), θ_m) - y_m|² / (D σ²) + λ |v|² / r
 
@@ -8,7 +8,7 @@ is minimised over whitened latents v (`LatentSpace`) and θ. D is the number of 
 among projections of samples, so that λ means the same for silhouettes, photographs and lines.
 
 1. Candidates: samples, each projected in every bin of views; the nearest few, with their views, are the starts.
-2. Descent: Adam on v, for all starts together. θ is not followed by its gradient, since pictures of turned things have
+2. Descent: Adam on v, for all starts together. θ is not followed by its gradient, since pictures of turned objects have
    many local minima: now and then views are drawn anew in every bin and near the present one, and the best are kept.
 3. Weights: an explanation with energy E counts (E_best / E)^(n M / 2), the likelihood with σ unknown, if n pixels of a
    picture, as many as it is wide, are independent. The posterior of the bins of views comes from the same rule.
@@ -59,7 +59,7 @@ class State:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures (M, ...) of one thing, what is known of their views, (M,) by name, and their possible bins (M, K)."""
+    """Pictures (M, ...) of one object, what is known of their views, (M,) by name, and their possible bins (M, K)."""
 
     y: Tensor
     known: dict[str, Tensor]
@@ -71,12 +71,12 @@ class Pictures:
 
 @dataclass(frozen=True, eq=False)
 class Fitter:
-    """Looks for samples of a generator by pictures; what is the same for all things is made once.
+    """Finds samples of a generator by pictures; what is the same for all pictures is made once.
 
     Args:
         generator: in evaluation mode.
         viewing: how pictures come about.
-        search: how to look.
+        search: its settings.
         seed: of the candidates and of views.
         repeated: (x, times) → samples, each `times` in a row (`Domain.repeated`).
     """
@@ -93,7 +93,7 @@ class Fitter:
         return Candidates(self.generator, self.viewing, self.search.candidates, self.seed, self.repeated)
 
     def fit(self, pictures: Tensor, known: Latents | None = None) -> Fit:
-        """Return explanations of pictures (M, ...) of one thing.
+        """Return explanations of pictures (M, ...) of one object.
 
         Args:
             known: latents of the views that are known, by name, (M,) each.
@@ -109,7 +109,7 @@ class Fitter:
         rng = generator_at(self.seed, 0, "fit")
         with _without_gradient(self.generator):
             state = self._descended(self._starts(of, rng), of, rng)
-            return self._judged(state, of, rng)
+            return self._explained(state, of, rng)
 
     @torch.no_grad()
     def _starts(self, of: Pictures, rng: torch.Generator) -> State:
@@ -132,13 +132,13 @@ class Fitter:
         search, candidates = self.search, self.candidates
         v = state.v.clone().requires_grad_(True)
         adam = torch.optim.Adam([v], lr=search.rate, betas=(0.9, 0.99))
-        look = search.looks and not self.viewing.is_known(of.known)
-        every = -(-search.steps // (search.looks + 1)) if look else search.steps
+        searched = search.view_searches and not self.viewing.is_known(of.known)
+        every = -(-search.steps // (search.view_searches + 1)) if searched else search.steps
         for step in range(search.steps):
             adam.param_groups[0]["lr"] = search.rate * (1 - 0.9 * step / search.steps)
             x = candidates.synthesise(v)
             if step and step % every == 0:
-                state = self._looked(state, x.detach(), of, rng)
+                state = self._better_viewed(state, x.detach(), of, rng)
             energy = self._energy(v, candidates.distance(candidates.project(x, state.theta, len(of)), of.y))
             adam.zero_grad()
             energy.sum().backward()
@@ -150,7 +150,7 @@ class Fitter:
         return distance.sum(1) + self.search.prior * v.square().mean(1)
 
     @torch.no_grad()
-    def _looked(self, state: State, x: Tensor, of: Pictures, rng: torch.Generator) -> State:
+    def _better_viewed(self, state: State, x: Tensor, of: Pictures, rng: torch.Generator) -> State:
         """Return the state with better views, if there are such: one drawn in each bin, and some near the best."""
         theta, bins = state.theta, state.bins
         least = self.candidates.distance(self.candidates.project(x, theta, len(of)), of.y)
@@ -176,7 +176,7 @@ class Fitter:
         distance = self.candidates.distance(self.candidates.project(x, drawn, len(of)), of.y)
         return drawn, distance.masked_fill(~of.possible[torch.arange(len(of)), bins], torch.inf)
 
-    def _judged(self, state: State, of: Pictures, rng: torch.Generator) -> Fit:
+    def _explained(self, state: State, of: Pictures, rng: torch.Generator) -> Fit:
         """Return the explanations in order, their weights and the posterior of views."""
         candidates, n = self.candidates, of.y.shape[-1]
         with torch.no_grad():

@@ -1,11 +1,11 @@
 """Novelty: whether a picture is of the kind that a run was trained on, or of something else.
 
 How far the nearest projection is does not tell: a plump bird is nearer to some chair than most chairs are, and thin
-things are far from everything. Two numbers tell more, each compared with those of pictures that were held out:
+objects are far from everything. Two numbers say more, each compared with those of pictures that were held out:
 
 - d² = Σ_i ((y - μ) · e_i)² / λ_i, by the first principal components of training pictures: proportions that none has;
 - the logit of a small network that tells training pictures from warped ones: outlines that none has, since warping
-  spoils what things have in common, straight legs or symmetry, and leaves their proportions.
+  spoils what objects have in common, straight legs or symmetry, and leaves their proportions.
 
 The p-value is twice the smaller share of held-out pictures that are at least as strange.
 

@@ -1,4 +1,4 @@
-"""Search: how a thing is looked for."""
+"""Search: the settings of a fit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .._types import UserError
 
 @dataclass(frozen=True)
 class Search:
-    """How a thing is looked for; `Fitter` has the formula.
+    """Settings of a fit; `Fitter` has the formula.
 
     Args:
         candidates: samples that are compared with the pictures first.
@@ -18,7 +18,7 @@ class Search:
         steps: of the descent.
         rate: Adam's, in standard deviations of latents; it falls to a tenth.
         prior: λ, the weight of usual latents.
-        looks: how often views that are not known are looked for during the descent.
+        view_searches: how often views that are not known are searched anew during the descent.
         tune: steps that also train the generator's own weights for these pictures alone, from the best latent on.
         tune_rate: Adam's learning rate of them.
 
@@ -35,14 +35,14 @@ class Search:
     steps: int = 100
     rate: float = 0.1
     prior: float = 0.02
-    looks: int = 5
+    view_searches: int = 5
     tune: int = 0
     tune_rate: float = 3e-4
 
     def __post_init__(self) -> None:
         if not 1 <= self.starts <= self.candidates:
             raise UserError(f"starts={self.starts}: give 1 to {self.candidates}, the number of candidates")
-        for name in ("steps", "looks", "tune", "prior"):
+        for name in ("steps", "view_searches", "tune", "prior"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise UserError(f"{name}={getattr(self, name):g}: give 0 or more")
         for name in ("rate", "tune_rate"):

@@ -1,4 +1,4 @@
-"""Pivotal tuning: a generator's own weights are trained for one thing, from the latent that was found on.
+"""Pivotal tuning: a generator's own weights are trained for some pictures, from the latent that was found on.
 
 References:
     Roich et al. 2021, Pivotal tuning for latent-based editing of real images.

@@ -66,7 +66,7 @@ class Generator(nn.Module, ABC):
     def map_code(self, code: Tensor) -> Tensor:
         """Return the latents (B, D) that `synthesise` makes samples of: codes, or what a mapping network makes of them.
 
-        A sample that fits pictures is looked for among latents (`unproject.inversion`).
+        A sample that fits pictures is searched among latents (`unproject.inversion`).
         """
         return code
 

@@ -1,4 +1,4 @@
-"""What a run knows of pictures that are looked for behind: how they came about, and of which kind they are."""
+"""What a run knows of pictures that are to be fitted: how they came about, and of which kind they are."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def viewing_of(state: AssignmentState, observation: str | None = None) -> Viewin
 
 
 def novelty_of(state: AssignmentState, viewing: Viewing, seed: int = 0) -> Novelty:
-    """Return what tells pictures of the kind that a panel was trained on; by pictures that are held out if there are.
+    """Return what compares pictures with those that a panel was trained on; by held-out ones if there are.
 
     Args:
         viewing: its projection prepares the pictures.

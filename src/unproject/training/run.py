@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -154,12 +155,12 @@ class Run:
         recipe: Recipe | None = None,
         trust: bool = False,
     ) -> Fitter:
-        """Return what looks for samples behind pictures (`Fitter.fit`).
+        """Return what finds samples behind pictures (`Fitter.fit`), on the CPU.
 
         Args:
             observation: which of the run's observations made the pictures (default: any of its only panel).
             viewing: how pictures come about, in place of the run's observations.
-            search: how to look (default: `Search()`).
+            search: its settings (default: `Search()`).
             seed: of the search.
             recipe: the run's recipe (default: made again by the run's recipe function).
             trust: import the recipe's code although it is not of this package.
@@ -170,7 +171,8 @@ class Run:
         if viewing is None:
             states = self.assignments(recipe or self.recipe(trust))
             viewing = viewing_of(state_of(states, observation), observation)
-        return Fitter(self.generator, viewing, search or Search(), seed, self.domain.repeated)
+        generator = copy.deepcopy(self.generator).cpu()  # what is compared for one picture is small
+        return Fitter(generator, viewing, search or Search(), seed, self.domain.repeated)
 
     def assignments(self, recipe: Recipe) -> list[AssignmentState]:
         """Return the assignment of each panel as the newest checkpoint has it."""
