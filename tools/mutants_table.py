@@ -2731,9 +2731,16 @@ INVERSION = (
     mutant(
         "fit: latents have no prior",
         "inversion/fitter.py",
-        "distance.sum(1) + self.search.prior * v.square().mean(1)",
+        "distance.sum(1) + self.search.prior * self.candidates.space.unusual(v)",
         "distance.sum(1)",
         "inversion/test_fitter.py::test_the_prior_keeps_latents_usual",
+    ),
+    mutant(
+        "fit: the noise of a level is drawn anew at every step",
+        "networks/materials.py",
+        "parts = white.split(",
+        "parts = self.map_code(code)[:, self.code_size :].split(",
+        "networks/test_materials.py::test_noise_is_a_part_of_the_latent",
     ),
     mutant(
         "fit: latents are not whitened",

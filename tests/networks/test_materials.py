@@ -179,3 +179,15 @@ def test_a_stationary_generator_starts_as_a_flat_dielectric() -> None:
 @pytest.mark.parametrize("size", [8, 16, 256])
 def test_a_stationary_generator_of_any_size(size: int) -> None:
     check_maps(StationaryMaterials(size, channels=16, least=8).sample(1, batch=1))
+
+
+def test_noise_is_a_part_of_the_latent() -> None:
+    generator = StationaryMaterials(size=16, channels=16, least=8)
+    code = generator.draw(2, generator_at(0))
+    latent = generator.map_code(code)
+    assert torch.equal(generator.synthesise(latent), generator(code))
+    assert generator.white == latent.shape[1] - generator.code_size
+    moved = latent.clone()
+    moved[:, generator.code_size :] = 0
+    smooth, rough = generator.synthesise(moved), generator(code)
+    assert smooth.var((2, 3)).sum() < rough.var((2, 3)).sum()

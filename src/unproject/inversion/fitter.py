@@ -147,7 +147,7 @@ class Fitter:
 
     def _energy(self, v: Tensor, distance: Tensor) -> Tensor:
         """Return E (S,)."""
-        return distance.sum(1) + self.search.prior * v.square().mean(1)
+        return distance.sum(1) + self.search.prior * self.candidates.space.unusual(v)
 
     @torch.no_grad()
     def _better_viewed(self, state: State, x: Tensor, of: Pictures, rng: torch.Generator) -> State:

@@ -1,8 +1,9 @@
 """LatentSpace: the latents of a generator, whitened, so that they can be searched.
 
 w = μ + v S Vᵀ, where S Vᵀ are the principal axes of the latents of codes z ~ N(0, 1), each as long as its standard
-deviation. Then v ~ (0, 1) along each axis, and E|v|² / r = 1: |v|² / r tells how usual a latent is. Of a generator
-without mapping network w is the code, and v a rotation of it.
+deviation. Then v ~ (0, 1) along each axis, and E|v|² / r = 1: |v|² / r says how usual a latent is. Of a generator
+without mapping network w is the code, and v a rotation of it. Entries of w that are white noise already are left as
+they are (`Generator.white`), behind the others.
 
 References:
     Abdal et al. 2019, Image2StyleGAN (latents behind the mapping network are easier to fit than codes); Zhu et al.
@@ -19,7 +20,7 @@ from torch import Tensor
 from .._random import generator_at
 from ..networks import Generator
 
-CODES = 4096
+CODES, AT_ONCE = 4096, 128
 LEAST = 1e-3
 """Axes shorter than this share of the longest are left out: nothing is known of them."""
 
@@ -31,6 +32,7 @@ class LatentSpace:
     Attributes:
         mean: μ, (D,).
         axes: B, (r, D), orthogonal; row i is the i-th axis.
+        white: number of entries behind them.
 
     Examples:
         >>> import torch, unproject as up
@@ -43,23 +45,32 @@ class LatentSpace:
 
     mean: Tensor
     axes: Tensor
+    white: int = 0
 
     @classmethod
     @torch.no_grad()
     def of(cls, generator: Generator, seed: int = 0) -> LatentSpace:
         """Return the whitened latents of a generator, from those of 4096 codes."""
         rng, device = generator_at(seed, 0, "latent space"), next(generator.parameters()).device
-        latents = generator.map_code(generator.draw(CODES, rng).to(device)).flatten(1).double()
+        codes = generator.draw(CODES, rng).to(device)
+        parts = (generator.map_code(some).flatten(1) for some in codes.split(AT_ONCE))
+        latents = torch.cat([part[:, : part.shape[1] - generator.white].double() for part in parts])
         mean = latents.mean(0)
         _, length, axes = torch.linalg.svd(latents - mean, full_matrices=False)
         kept = length > LEAST * length[0]
         deviation = length[kept, None] / (len(latents) - 1) ** 0.5
-        return cls(mean.float(), (deviation * axes[kept]).float())
+        return cls(mean.float(), (deviation * axes[kept]).float(), generator.white)
 
     def whitened(self, latents: Tensor) -> Tensor:
-        """Return v (B, r) of latents (B, D)."""
-        return (latents - self.mean) @ (self.axes / self.axes.square().sum(1, keepdim=True)).T
+        """Return v (B, r + white) of latents (B, D + white)."""
+        w, noise = latents[:, : len(self.mean)], latents[:, len(self.mean) :]
+        return torch.cat([(w - self.mean) @ (self.axes / self.axes.square().sum(1, keepdim=True)).T, noise], 1)
 
     def latents(self, v: Tensor) -> Tensor:
-        """Return w (B, D) of v (B, r)."""
-        return self.mean + v @ self.axes
+        """Return w (B, D + white) of v (B, r + white)."""
+        return torch.cat([self.mean + v[:, : len(self.axes)] @ self.axes, v[:, len(self.axes) :]], 1)
+
+    def unusual(self, v: Tensor) -> Tensor:
+        """Return |v|² / r (B,), the mean square of the entries; of those that are noise a term of its own is added."""
+        parts = v[:, : len(self.axes)], v[:, len(self.axes) :]
+        return sum((part.square().mean(1) for part in parts if part.shape[1]), torch.zeros(len(v)).to(v))

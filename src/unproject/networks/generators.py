@@ -34,6 +34,9 @@ class Generator(nn.Module, ABC):
             volume up to its hull, so cavities of a sample are arbitrary. A number is the density of silhouettes by
             absorption, by which fog looks solid. Runs whose cameras are not level turn it off.
 
+    Attributes:
+        white: number of trailing entries of a latent that are noise, independent, of mean 0 and deviation 1.
+
     Examples:
         >>> import torch, unproject as up
         >>> class Blobs(up.Generator):
@@ -52,6 +55,7 @@ class Generator(nn.Module, ABC):
     def __init__(self, code_size: int, truncation: float | None = None, hull: bool | float = False) -> None:
         super().__init__()
         self.code_size = code_size
+        self.white = 0
         self.truncation = truncation
         self.hull = hull
 

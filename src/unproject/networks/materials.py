@@ -171,20 +171,35 @@ class StationaryMaterials(MaterialGenerator):
         self.common = nn.ModuleList([TilingLevel(hidden, a, b, sources) for a, b in zip(widths, widths[1:])])
         self.last = nn.Conv2d(widths[-1], 4 * fields, 3)
         self.strength = nn.Parameter(torch.randn(fields, sources) * 0.2 * sources**-0.5)
+        self.noise_shapes = [(sources, START * 2**k) for k in range(1, levels + 2)]
+        self.white = sum(sources * side**2 for sources, side in self.noise_shapes)
         self.branches = nn.ModuleDict({name: Pixelwise(hidden, fields, FIRST[name]) for name in MAPS})
 
     def forward(self, code: Tensor) -> Tensor:
+        return self.synthesise(self.map_code(code))
+
+    def map_code(self, code: Tensor) -> Tensor:
+        """Return latents: the code, and the noise of each level, which fits to pictures then choose freely."""
+        places = code[:, self.vector :]
+        noise = (white_noise(places, size, sources).flatten(1) for sources, size in self.noise_shapes)
+        return torch.cat([code, *noise], 1)
+
+    def synthesise(self, latent: Tensor) -> Tensor:
+        code, white = latent[:, : self.code_size], latent[:, self.code_size :]
         vector, places = code[:, : self.vector], code[:, self.vector :]
+        parts = white.split([sources * size**2 for sources, size in self.noise_shapes], 1)
+        noise = [
+            stretched(part.view(-1, sources, size, size))
+            for part, (sources, size) in zip(parts, self.noise_shapes, strict=True)
+        ]
         hidden = self.mapping(vector)
         start = places.view(len(code), -1, START, START)
         x = self.start(tiled(start, 1).contiguous(memory_format=torch.channels_last))
         x = F.relu(self.first(x, hidden))
-        noise: dict[int, Tensor] = {}
-        for level in self.common:
-            x = level(x, hidden, places, noise)
+        for level, drawn in zip(self.common, noise, strict=False):
+            x = level(x, hidden, drawn)
         fields = F.pixel_shuffle(without_lattice(self.last(tiled(x, 1))), 2)
-        finest = noise_of(places, fields.shape[2], self.strength.shape[1])
-        fields = fields + F.conv2d(finest, self.strength[:, :, None, None])
+        fields = fields + F.conv2d(noise[-1], self.strength[:, :, None, None])
         return self.maps(vector, {name: branch(fields, hidden) for name, branch in self.branches.items()})
 
 
@@ -224,13 +239,10 @@ class TilingLevel(nn.Module):
         self.norm = ModulatedScale(hidden, after)
         self.strength = nn.Parameter(torch.randn(after, sources) * 0.2 * sources**-0.5)
 
-    def forward(self, x: Tensor, hidden: Tensor, places: Tensor, noise: dict[int, Tensor]) -> Tensor:
-        size = 2 * x.shape[2]
-        if size not in noise:
-            noise[size] = noise_of(places, size, self.strength.shape[1])
+    def forward(self, x: Tensor, hidden: Tensor, noise: Tensor) -> Tensor:
         # A border of one more texel than the convolution needs, for the interpolation; removed afterwards.
         x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
-        x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise[size], self.strength[:, :, None, None])
+        x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise, self.strength[:, :, None, None])
         return F.relu(self.norm(x, hidden))
 
 
@@ -250,16 +262,27 @@ def tiled(x: Tensor, border: int) -> Tensor:
 
 
 def noise_of(code: Tensor, size: int, sources: int = 1) -> Tensor:
-    """Return noise (B, sources, size, size), nearly N(0, 1), as a function of the code.
+    """Return noise (B, sources, size, size), nearly N(0, 1), as a function of the code."""
+    return stretched(white_noise(code, size, sources))
 
-    frac(sin) of the pixel's index and the code, as in shaders, brought to mean 0 and deviation 1. Of each eight sources
-    the first four are nearly white; the others are stretched by `GRAIN`, to grooves and joints from edge to edge and to
-    fibres, which convolutions of three pixels cannot make from white noise.
+
+def white_noise(code: Tensor, size: int, sources: int = 1) -> Tensor:
+    """Return white noise (B, sources, size, size) of mean 0 and deviation 1, as a function of the code.
+
+    frac(sin) of the pixel's index and the code, as in shaders.
     """
     seed = code.detach().double()[:, :2].sum(1) * 1e3
     pixel = torch.arange(sources * size * size, dtype=torch.float64, device=code.device)
     raw = torch.frac(torch.sin((pixel + 1) * 12.9898 + seed[:, None] * 78.233).abs() * 43758.5453)
-    white = ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
+    return ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
+
+
+def stretched(white: Tensor) -> Tensor:
+    """Return noise (B, sources, size, size) of white noise.
+
+    Of each eight sources the first four stay as they are; the others are stretched by `GRAIN`, to grooves and joints
+    from edge to edge and to fibres, which convolutions of three pixels cannot make from white noise.
+    """
     return torch.stack([_stretched(x, *GRAIN[k % len(GRAIN)]) for k, x in enumerate(white.unbind(1))], 1)
 
 

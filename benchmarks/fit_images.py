@@ -1,0 +1,144 @@
+"""The image behind a few line integrals: `fit` against filtered back-projection and total variation.
+
+    python benchmarks/fit_images.py --data FOLDER_OF_MNIST --run RESULTS/runs/known-0 --n 100 --out OUT
+
+RUN is one of digits.py, trained on line integrals. The first n test images are each seen along 3, 5 and 10 lines at
+known angles, evenly over half a turn. Columns, with the mean PSNR in dB and the share of images that a classifier
+takes for the right digit (of the images themselves first):
+
+    fit     the best explanation of `unproject fit`, with its default flags; mean: of all by weight
+    tv      min ½ |A x - y|² + λ TV(x), 0 ≤ x ≤ 1, λ the best of eight on 20 training images for each number of lines
+    fbp     filtered back-projection: Ram-Lak filter, adjoint of the strips of `LineIntegral`, clipped to [0, 1]
+
+A line of JSON a number of lines is written to OUT/results.jsonl; OUT/lines-5.png has twelve digits, none chosen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import math
+import time
+from pathlib import Path
+
+import torch
+from digits import SIZE
+from results import Results
+from torch import Tensor
+
+import unproject as up
+from unproject.data import Collection
+from unproject.inversion import Search
+from unproject.metrics.digit_classifier import digit_features
+
+WEIGHTS = tuple(10.0**power for power in torch.linspace(-3.5, 0, 8).tolist())
+STEPS = 1000
+
+
+def angles_of(count: int) -> Tensor:
+    return torch.arange(count) * math.pi / count
+
+
+def lines_of(x: Tensor, count: int) -> Tensor:
+    """Return line integrals (N, A, 1, D) of images (N, 1, H, W)."""
+    seen = [up.LineIntegral(SIZE)(x, angle=angle.expand(len(x))) for angle in angles_of(count)]
+    return torch.stack(seen, 1)
+
+
+def adjoint(lines: Tensor, weigh: Tensor) -> Tensor:
+    """Return Aᵀ weigh of lines (N, A, 1, D)."""
+    x = torch.zeros(len(lines), 1, SIZE, SIZE, requires_grad=True)
+    return torch.autograd.grad((lines_of(x, lines.shape[1]) * weigh).sum(), x)[0]
+
+
+def back_projected(lines: Tensor) -> Tensor:
+    """Return filtered back-projections (N, 1, H, W)."""
+    n = torch.arange(1 - SIZE, SIZE)
+    odd = n % 2 != 0
+    ramp = torch.where(odd, -1 / (math.pi * n.float()).square().clamp_min(1e-9), 0.0)
+    ramp[SIZE - 1] = 0.25
+    flat = lines.flatten(0, 2)[:, None]
+    filtered = torch.nn.functional.conv1d(flat, ramp[None, None] * SIZE, padding=SIZE - 1).view_as(lines)
+    each = adjoint(lines, torch.ones_like(lines)).clamp_min(1e-6) / lines.shape[1]
+    return (math.pi / lines.shape[1] * adjoint(lines, filtered) / each).clamp(0, 1)
+
+
+def smoothest(lines: Tensor, weight: float) -> Tensor:
+    """Return images (N, 1, H, W) of least total variation, by Adam on pixels with a falling rate."""
+    x = torch.full((len(lines), 1, SIZE, SIZE), 0.1, requires_grad=True)
+    adam = torch.optim.Adam([x], lr=0.03)
+    falling = torch.optim.lr_scheduler.CosineAnnealingLR(adam, STEPS)
+    for _ in range(STEPS):
+        inside = x.clamp(0, 1) + 0.01 * (x - x.clamp(0, 1))  # pixels that left the range come back
+        misfit = 0.5 * (lines_of(inside, lines.shape[1]) - lines).square().sum() * SIZE
+        down, across = inside.diff(dim=2)[..., :-1], inside.diff(dim=3)[..., :-1, :]
+        total = (down.square() + across.square() + 1e-8).sqrt().sum() / SIZE
+        adam.zero_grad()
+        (misfit + weight * total).backward()
+        adam.step()
+        falling.step()
+    return x.detach().clamp(0, 1)
+
+
+def psnr(found: Tensor, true: Tensor) -> float:
+    """Return the mean of the images' PSNR, dB."""
+    return (-10 * (found - true).square().flatten(1).mean(1).clamp_min(1e-8).log10()).mean().item()
+
+
+def scores(name: str, found: Tensor, true: Tensor, labels: Tensor) -> dict[str, float]:
+    right = (digit_features(found)[1] == labels).float().mean().item()
+    return {f"psnr_{name}": psnr(found, true), f"accuracy_{name}": right}
+
+
+def compared(run: up.Run, count: int, images: Tensor, labels: Tensor, training: Tensor, out: Path) -> dict[str, object]:
+    """Return the scores for this number of lines."""
+    lines = lines_of(images, count)
+    seen = lines_of(training, count)
+    weight = max(WEIGHTS, key=lambda w: psnr(smoothest(seen, w), training))
+    fitter = run.fitter(search=Search(starts=8, tune=30))
+    _ = fitter.candidates.variance
+    begin = time.process_time()
+    fits = [fitter.fit(y, {"angle": angles_of(count)}) for y in lines]
+    seconds = (time.process_time() - begin) / len(fits)
+    found = {
+        "fit": torch.stack([fit.x[0] for fit in fits]),
+        "mean": torch.stack([fit.mean for fit in fits]),
+        "tv": smoothest(lines, weight),
+        "fbp": back_projected(lines),
+    }
+    shown = torch.cat([images[:12], *(x[:12] for x in found.values())])
+    up.export.silhouette_sheet(shown, columns=12, scale=2).save(out / f"lines-{count}.png")
+    row: dict[str, object] = {"n": len(images), "tv_weight": weight, "cpu_seconds": seconds}
+    for name, x in {"truth": images, **found}.items():
+        row |= scores(name, x, images, labels)
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder with the idx files of MNIST")
+    parser.add_argument("--run", type=Path, required=True)
+    parser.add_argument("--n", type=int, default=100)
+    parser.add_argument("--lines", type=int, nargs="+", default=(3, 5, 10))
+    parser.add_argument("--out", type=Path, required=True)
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    results = Results(given.out / "results.jsonl", ("run", "lines"))
+    training, images = (
+        Collection.images(given.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in ("train", "t10k")
+    )
+    labels = labels_of(given.data, given.n)
+    for count in given.lines:
+        if not results.has(str(given.run), count):
+            found = compared(up.load(given.run), count, images[: given.n], labels, training[:20], given.out)
+            results.add({"run": str(given.run), "lines": count, **found})
+
+
+def labels_of(data: Path, n: int) -> Tensor:
+    """Return the first n labels of the test images."""
+    raw = gzip.decompress((data / "t10k-labels-idx1-ubyte.gz").read_bytes())
+    return torch.tensor(list(raw[8 : 8 + n]))
+
+
+if __name__ == "__main__":
+    main()
