@@ -4,7 +4,7 @@
 
 RUN is one of digits.py, trained on line integrals. The first n test images are each seen along 3, 5 and 10 lines at
 known angles, evenly over half a turn. Columns, with the mean PSNR in dB and the share of images that a classifier
-takes for the right digit (of the images themselves first):
+takes for the right digit (of the images themselves first), and fit's PSNR less that of tv with its standard error:
 
     fit     the best explanation of `unproject fit`, with its default flags; mean: of all by weight
     tv      min ½ |A x - y|² + λ TV(x), 0 ≤ x ≤ 1, λ the best of eight on 20 training images for each number of lines
@@ -109,6 +109,8 @@ def compared(run: up.Run, count: int, images: Tensor, labels: Tensor, training: 
     shown = torch.cat([images[:12], *(x[:12] for x in found.values())])
     up.export.silhouette_sheet(shown, columns=12, scale=2).save(out / f"lines-{count}.png")
     row: dict[str, object] = {"n": len(images), "tv_weight": weight, "cpu_seconds": seconds}
+    ahead = torch.tensor([psnr(a, y) - psnr(b, y) for a, b, y in zip(found["fit"], found["tv"], images, strict=True)])
+    row |= {"fit_over_tv": ahead.mean().item(), "standard_error": ahead.std().item() / len(ahead) ** 0.5}
     for name, x in {"truth": images, **found}.items():
         row |= scores(name, x, images, labels)
     return row

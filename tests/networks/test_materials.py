@@ -9,7 +9,7 @@ import torch
 
 from unproject._random import generator_at, seeded
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
-from unproject.networks.materials import noise_of
+from unproject.networks.materials import stretched, white_noise
 from unproject.ops.maps import MAPS, check_maps
 from unproject.testing import check_generator
 
@@ -88,13 +88,13 @@ def test_the_seeds_codes_are_uniform_and_its_branches_share_two_layers() -> None
 
 def test_noise_is_white_and_a_function_of_the_code() -> None:
     code = torch.randn(3, 10, generator=generator_at(3))
-    noise = noise_of(code, 64)
-    assert torch.equal(noise, noise_of(code.clone(), 64))
+    noise = white_noise(code, 64)
+    assert torch.equal(noise, white_noise(code.clone(), 64))
     flat = noise.flatten(1)
     torch.testing.assert_close(flat.mean(1), torch.zeros(3), atol=0.06, rtol=0)
     torch.testing.assert_close(flat.std(1), torch.ones(3), atol=0.05, rtol=0)
     assert torch.corrcoef(flat).triu(1).abs().max() < 0.08
-    several = noise_of(code, 32, 4).flatten(2)
+    several = white_noise(code, 32, 4).flatten(2)
     assert torch.corrcoef(several.flatten(0, 1)).triu(1).abs().max() < 0.15
     image = noise[0, 0]
     assert abs((image[:, 1:] * image[:, :-1]).mean()) < 0.06 and abs((image[1:] * image[:-1]).mean()) < 0.06
@@ -102,8 +102,9 @@ def test_noise_is_white_and_a_function_of_the_code() -> None:
 
 def test_half_of_the_noise_is_grain() -> None:
     """Down and across, from end to end and for a quarter of the side; of deviation 1, and it tiles."""
-    x = noise_of(torch.randn(40, 10, generator=generator_at(3)), 32, 8)
-    assert torch.equal(x[:, :4], noise_of(torch.randn(40, 10, generator=generator_at(3)), 32, 8)[:, :4])
+    white = white_noise(torch.randn(40, 10, generator=generator_at(3)), 32, 8)
+    x = stretched(white)
+    assert torch.equal(x[:, :4], white[:, :4])
     assert torch.equal(x[:, 4], x[:, 4, :1].expand_as(x[:, 4]))
     assert torch.equal(x[:, 5], x[:, 5, :, :1].expand_as(x[:, 5]))
     torch.testing.assert_close(x.std((0, 2, 3)), torch.ones(8), atol=0.05, rtol=0)

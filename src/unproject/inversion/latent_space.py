@@ -71,6 +71,7 @@ class LatentSpace:
         return torch.cat([self.mean + v[:, : len(self.axes)] @ self.axes, v[:, len(self.axes) :]], 1)
 
     def unusual(self, v: Tensor) -> Tensor:
-        """Return |v|² / r (B,), the mean square of the entries; of those that are noise a term of its own is added."""
-        parts = v[:, : len(self.axes)], v[:, len(self.axes) :]
-        return sum((part.square().mean(1) for part in parts if part.shape[1]), torch.zeros(len(v)).to(v))
+        """Return |v|² / r (B,), the mean square of the entries along axes, and that of the noise added to it."""
+        square = v.square()
+        usual = square[:, : len(self.axes)].mean(1)
+        return usual + square[:, len(self.axes) :].mean(1) if self.white else usual

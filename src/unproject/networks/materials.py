@@ -196,7 +196,7 @@ class StationaryMaterials(MaterialGenerator):
         start = places.view(len(code), -1, START, START)
         x = self.start(tiled(start, 1).contiguous(memory_format=torch.channels_last))
         x = F.relu(self.first(x, hidden))
-        for level, drawn in zip(self.common, noise, strict=False):
+        for level, drawn in zip(self.common, noise[:-1], strict=True):
             x = level(x, hidden, drawn)
         fields = F.pixel_shuffle(without_lattice(self.last(tiled(x, 1))), 2)
         fields = fields + F.conv2d(noise[-1], self.strength[:, :, None, None])
@@ -259,11 +259,6 @@ def without_lattice(x: Tensor) -> Tensor:
 def tiled(x: Tensor, border: int) -> Tensor:
     """Pad x periodically."""
     return F.pad(x, (border,) * 4, mode="circular")
-
-
-def noise_of(code: Tensor, size: int, sources: int = 1) -> Tensor:
-    """Return noise (B, sources, size, size), nearly N(0, 1), as a function of the code."""
-    return stretched(white_noise(code, size, sources))
 
 
 def white_noise(code: Tensor, size: int, sources: int = 1) -> Tensor:
