@@ -2205,6 +2205,20 @@ PHOTOGRAPHS = (
         "projections/test_cropped.py::test_gradients_by_latents_know_of_the_frame",
     ),
     mutant(
+        "cropped: level views keep their place from top to bottom",
+        "projections/cropped.py",
+        "Window(viewport, column, -row)",
+        "Window(viewport, column)",
+        "projections/test_cropped.py::test_place_does_not_matter",
+    ),
+    mutant(
+        "cropped: a window of the whole height is not moved",
+        "ops/azimuth.py",
+        "height if offset is None else height + offset[:, None]",
+        "height if offset is None or viewport == 1 else height + offset[:, None]",
+        "projections/test_cropped.py::test_place_does_not_matter",
+    ),
+    mutant(
         "cropped: near parts are cut off",
         "projections/cropped.py",
         "MARGIN, STEP = 1.25, 0.15",
@@ -2226,11 +2240,11 @@ PHOTOGRAPHS = (
         "projections/test_cropped.py::test_in_perspective_it_is_the_large_picture_framed",
     ),
     mutant(
-        "cropped: the front view begins at the back",
-        "projections/silhouette.py",
-        "_RULE[self.rule](p.flip(3), 3)",
-        "_RULE[self.rule](p, 3)",
-        "projections/test_cropped.py::test_the_level_view_along_z_is_the_one_from_the_front",
+        "cropped: haze counts as part of the object",
+        "projections/cropped.py",
+        "x.detach().amax((1, 3))",
+        "x.detach().sum((1, 3)).clamp_max(1)",
+        "projections/test_cropped.py::test_haze_that_a_level_camera_sees_edge_on_has_no_say_in_the_scale",
     ),
 )
 
@@ -2273,6 +2287,34 @@ TURNS = (
 )
 
 ANY_CLASS = (
+    mutant(
+        "shapes: those of cropped pictures may be anywhere",
+        "recipes/shape_panels.py",
+        "[Centred()] if isinstance(projection, Cropped)",
+        "[Centred()] if projection is None",
+        "recipes/test_cropped_pictures.py::test_shapes_are_kept_in_the_middle_if_pictures_were_cropped",
+    ),
+    mutant(
+        "shapes: elevations of cropped pictures are learned",
+        "recipes/shape_panels.py",
+        " or isinstance(projection, Cropped):",
+        ":",
+        "recipes/test_cropped_pictures.py::test_what_is_learned_of_cameras",
+    ),
+    mutant(
+        "centred: one axis is left out",
+        "adversarial/regularisers.py",
+        "for kept in (1, 2, 3)]",
+        "for kept in (1, 2)]",
+        "adversarial/test_regularisers.py::test_centred_is_the_square_of_how_far_the_centre_of_mass_is_off",
+    ),
+    mutant(
+        "centred: shapes are pushed away",
+        "adversarial/regularisers.py",
+        "self.weight * middle.square().sum(0).mean()",
+        "-self.weight * middle.square().sum(0).mean()",
+        "adversarial/test_regularisers.py::test_centred_moves_a_body_back_to_the_middle",
+    ),
     mutant(
         "outlines: the lower one does not count",
         "ops/outlines.py",
@@ -2332,8 +2374,8 @@ ANY_CLASS = (
     mutant(
         "cropped: tilted views are scaled the other way",
         "projections/cropped.py",
-        "box.height / self._level_height(x)",
-        "self._level_height(x) / box.height",
+        "wide * box.height / fine / self._height(x)",
+        "wide * self._height(x) / box.height * fine",
         "projections/test_cropped.py",
     ),
     mutant(

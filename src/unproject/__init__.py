@@ -58,6 +58,7 @@ _HOME = {
     "Adaptive": "unproject.adversarial.adaptive",
     "Affine": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
+    "Centred": "unproject.adversarial.regularisers",
     "Connected": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
     "Sometimes": "unproject.adversarial.augmentation",
@@ -135,6 +136,7 @@ if TYPE_CHECKING:
     from .adversarial.penalties import R1R2 as R1R2
     from .adversarial.penalties import GradientPenalty as GradientPenalty
     from .adversarial.penalties import Penalty as Penalty
+    from .adversarial.regularisers import Centred as Centred
     from .adversarial.regularisers import Connected as Connected
     from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid

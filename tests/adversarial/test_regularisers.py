@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from unproject.adversarial.regularisers import Connected, Regularisers, Solid
+from unproject.adversarial.regularisers import Centred, Connected, Regularisers, Solid
 from unproject.ops.parts import number_parts
 
 
@@ -41,6 +41,28 @@ def test_filling_lowers_it_and_scaling_pulls_on_thin_and_full_volumes_alike() ->
     Solid(weight=1.0)(x, 0.0).backward()
     assert x.grad is not None and (x.grad < 0).all()
     torch.testing.assert_close((x.grad * x.detach()).sum((1, 2, 3)), torch.full((2,), -0.5).double(), rtol=1e-4, atol=0)
+
+
+# Centred
+
+
+@pytest.mark.parametrize("axis", range(3), ids="xyz")
+def test_centred_is_the_square_of_how_far_the_centre_of_mass_is_off(axis: int) -> None:
+    x = torch.zeros(2, 8, 8, 8)
+    x[:, 3:5, 3:5, 3:5] = 0.7
+    x[1] = x[1].roll(2, axis)
+    assert Centred(3.0)(x[:1], 0.0).item() == pytest.approx(0, abs=1e-6)
+    assert Centred(3.0)(x, 0.5).item() == pytest.approx(3.0 * 0.5**2 / 2)
+
+
+def test_centred_moves_a_body_back_to_the_middle() -> None:
+    place = torch.full((1,), 0.3, requires_grad=True)
+    height = torch.arange(16.0) / 8 - 15 / 16
+    for _ in range(50):
+        x = torch.sigmoid(20 * (0.4 - (height - place).abs()))[None, None, :, None].expand(1, 16, 16, 16)
+        (slope,) = torch.autograd.grad(Centred(1.0)(x, 0.0), place)
+        place = (place - 0.1 * slope).detach().requires_grad_()
+    assert abs(place.item()) < 1e-3 and math.isfinite(Centred()(volumes(0.0), 0.0).item())
 
 
 # Connected

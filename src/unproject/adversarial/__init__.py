@@ -4,7 +4,7 @@ from .adaptive import Adaptive
 from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .penalties import R1R2, GradientPenalty, Penalty
-from .regularisers import Connected, Regulariser, Regularisers, Solid
+from .regularisers import Centred, Connected, Regulariser, Regularisers, Solid
 
 __all__ = [
     "R1R2",
@@ -12,6 +12,7 @@ __all__ = [
     "Affine",
     "Augmentation",
     "AugmentationState",
+    "Centred",
     "Connected",
     "GradientPenalty",
     "Hinge",

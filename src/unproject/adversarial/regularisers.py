@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..ops.parts import floating_parts
+from ..ops.resampling import centres
 
 Regulariser: TypeAlias = Callable[[Tensor, float], Tensor]
 """(x, progress) → a term of the generator's loss."""
@@ -75,6 +76,32 @@ class Connected:
         misplaced = (x * floating + (1 - x) * gaps).flatten(1).sum(1)
         total = x.detach().flatten(1).sum(1) + 1e-6
         return self.weight * min(progress, 1.0) * (misplaced / total).mean()
+
+
+@dataclass(frozen=True)
+class Centred:
+    """w E|m|², with the centre of mass m = Σ r p / Σ p: keep shapes in the middle where their place may be any.
+
+    Pictures that were cropped to the object say nothing of its place, and the gradient of a cropped picture lacks that
+    of the crop: what it asks to be higher rises and is brought back, without end, until the volume's walls cut shapes
+    off. r runs from -1 to 1 along each axis.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.zeros(1, 8, 8, 8)
+        >>> x[:, 2:6, 2:6, 4:8] = 1
+        >>> up.Centred(1.0)(x, progress=0.0)
+        tensor(0.2500)
+    """
+
+    weight: float = 10.0
+
+    def __call__(self, x: Tensor, progress: float) -> Tensor:
+        """Return the term of volumes x (B, X, Y, Z), whatever is spent of the budget."""
+        total = x.flatten(1).sum(1) + TINY
+        sums = [x.sum([axis for axis in (1, 2, 3) if axis != kept]) for kept in (1, 2, 3)]
+        middle = torch.stack([part @ centres(part.shape[1], part) / total for part in sums])
+        return self.weight * middle.square().sum(0).mean()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,9 @@ objects are far from everything. Two numbers say more, each compared with those 
 - the logit of a small network that tells training pictures from warped ones: outlines that none has, since warping
   spoils what objects have in common, straight legs or symmetry, and leaves their proportions.
 
-The p-value is twice the smaller share of held-out pictures that are at least as strange.
+The p-value is twice the smaller share of held-out pictures that are at least as strange. Pictures are held out, not
+objects: where a collection has several of each object, p holds for new pictures of the same objects, and is too small
+for new objects. Of new chairs 10 % have p < 0.03, 13 % p < 0.05.
 
 References:
     Lee et al. 2018, A simple unified framework for detecting out-of-distribution samples (Mahalanobis distance); Tack
@@ -88,7 +90,7 @@ class Novelty:
         return torch.stack([distance, -logits], 1)
 
     def p_values(self, pictures: Tensor) -> Tensor:
-        """Return (N,): how likely a picture of the kind that is known would be so strange; small for other kinds."""
+        """Return (N,): how likely a picture like those held out would be so strange; small for other kinds."""
         stranger = (self.held_out[None] >= self.strangeness(pictures)[:, None]).sum(1)
         shares = (stranger + 1) / (len(self.held_out) + 1)
         return (shares.amin(1) * shares.shape[1]).clamp_max(1)

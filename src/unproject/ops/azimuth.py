@@ -160,10 +160,8 @@ def resample_heights(volume: Tensor, size: int, viewport: float | Tensor, offset
     if not isinstance(viewport, Tensor) and viewport == 1 and offset is None and size == count:
         return volume
     height = centres(size, volume)
-    if isinstance(viewport, Tensor):
-        height = viewport[:, None] * height + (0.0 if offset is None else offset[:, None])
-    else:
-        height = viewport * height
+    height = (viewport[:, None] if isinstance(viewport, Tensor) else viewport) * height
+    height = height if offset is None else height + offset[:, None]
     weight = _hat((((height + 1) * count - 1) / 2)[..., None] - torch.arange(count, device=volume.device))
     return torch.einsum("bxyz,bhy->bxhz" if weight.dim() == 3 else "bxyz,hy->bxhz", volume, weight)
 

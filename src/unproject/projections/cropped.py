@@ -14,10 +14,10 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.framing import Box, bounding_box, framed, resampled
+from ..ops.framing import bounding_box, framed
 from .base import Projection
 from .silhouette import Silhouette, Window
-from .view import View, either, varies
+from .view import View, either
 
 MARGIN, STEP = 1.25, 0.15
 """How much wider the picture is in which an object in perspective is looked for, and steps of perspective there."""
@@ -27,10 +27,9 @@ MARGIN, STEP = 1.25, 0.15
 class Cropped(Projection):
     """y = P(x, θ) with the object in the middle, as high as it is in a level view.
 
-    Level views are moved to the middle from left to right only, by the camera, so that nothing is resampled. Tilted
-    ones are scaled by the ratio of the heights of the level view (the one along z) and of the tilted one, and centred;
-    those in perspective or rolled too, but by the camera. Where the object is in the picture counts as constant for
-    gradients in x, but not for those in the latents.
+    The camera is aimed at the object, so that nothing is resampled; where it is level and orthographic it keeps its
+    scale, else the picture is as high as the occupied part of the volume. Where the object is in the picture counts as
+    constant for gradients in x, but not for those in the latents.
 
     Attributes:
         silhouette: P; its `size` is that of the result.
@@ -38,7 +37,7 @@ class Cropped(Projection):
             than the frame are cut at its sides: made smaller, they would not have this height.
 
     Raises:
-        UserError: for no size, or a height that is not above 0 and at most 1.
+        UserError: for no size, a fixed pinhole, or a height that is not above 0 and at most 1.
 
     Examples:
         >>> import torch, unproject as up
@@ -58,6 +57,8 @@ class Cropped(Projection):
     def __post_init__(self) -> None:
         if self.silhouette.size is None or not 0 < self.height <= 1:
             raise UserError(f"{self}: give the silhouette a size, and a share of the frame above 0 and at most 1")
+        if self.silhouette.camera == "perspective":
+            raise UserError(f'{self}: this pinhole is fixed; give perspective to camera="orthographic"')
 
     @property
     def optional_latents(self) -> tuple[str, ...]:
@@ -75,18 +76,15 @@ class Cropped(Projection):
     ) -> Tensor:
         """Return the silhouettes (B, 1, size, size) of x (B, X, Y, Z); latents are (B,)."""
         view = self.silhouette.view(x, azimuth, elevation, perspective, roll)
-        fixed = self.silhouette.camera == "perspective"
-        return either(view.upright() | fixed, self._upright, self._in_perspective, x, view)
+        return either(view.level(), self._level, self._aimed, x, view)
 
-    def _upright(self, x: Tensor, view: View) -> Tensor:
-        if not varies(view.elevation) and not varies(view.roll):
-            level = bounding_box(self.silhouette.seen(x.detach(), view))
-            return self.silhouette.seen(x, view, Window(self.silhouette.viewport, self._right(level)))
-        tilted = self.silhouette.seen(x, view)
-        box = self._box(x, view, tilted)
-        return resampled(tilted, box.centre, box.height / self._level_height(x), tilted.shape[-1])
+    def _level(self, x: Tensor, view: View) -> Tensor:
+        size, viewport = self.silhouette.size or 1, self.silhouette.viewport
+        middle = bounding_box(self.silhouette.seen(x.detach(), view)).centre
+        row, column = ((place * 2 / size - 1) * viewport for place in middle)
+        return self.silhouette.seen(x, view, Window(viewport, column, -row))
 
-    def _in_perspective(self, x: Tensor, view: View) -> Tensor:
+    def _aimed(self, x: Tensor, view: View) -> Tensor:
         """Aim at the object by its box in a wide picture, so that none is cut off and nothing is resampled."""
         size = self.silhouette.size or 1
         fine = 3 * size // 2  # these pixels are about as wide as those of the result
@@ -96,22 +94,16 @@ class Cropped(Projection):
         with torch.set_grad_enabled(view.learned()):
             box = bounding_box(finder.seen(x.detach(), view, Window(wide)), differentiable=True)
             row, column = (place * 2 / fine - 1 for place in box.centre)
-            ratio = box.height / fine * size / self._level_height(x)
-            window = Window(wide * ratio, wide * column, -wide * row)
+            window = Window(wide * box.height / fine / self._height(x), wide * column, -wide * row)
         return self.silhouette.seen(x, view, window)
 
-    def _box(self, x: Tensor, view: View, silhouettes: Tensor) -> Box:
-        if not view.learned():
-            return bounding_box(silhouettes)
-        return bounding_box(self.silhouette.seen(x.detach(), view), differentiable=True)
+    def _height(self, x: Tensor) -> Tensor:
+        """Return the height of what is occupied, as a share of level pictures, (B,).
 
-    def _level_height(self, x: Tensor) -> Tensor:
-        return bounding_box(self.silhouette.front(x.detach())).height
-
-    def _right(self, box: Box) -> Tensor:
-        """Return how far the middle of the box lies to the right of the picture's, in units of the volume."""
-        size = self.silhouette.size or 1
-        return (box.centre[1] * 2 / size - 1) * self.silhouette.viewport
+        Not that of a level view: haze that is thin from above is dense from the side, and would count in one of them.
+        """
+        profile = x.detach().amax((1, 3))[:, None, :, None]
+        return bounding_box(profile).height / (x.shape[2] * self.silhouette.viewport)
 
     def prepare(self, y: Tensor) -> Tensor:
         """Return silhouettes (N, 1, H, W) framed to the common height."""

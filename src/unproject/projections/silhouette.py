@@ -138,10 +138,7 @@ class Silhouette(Projection):
         return view
 
     def seen(self, x: Tensor, view: View, window: Window | None = None) -> Tensor:
-        """Return the silhouettes in a window of each picture (default: the viewport).
-
-        Windows take level views, and views in perspective or rolled.
-        """
+        """Return the silhouettes in a window of each picture (default: the viewport)."""
         with torch.autocast(x.device.type, enabled=False):
             # Half precision cannot place 64 samples along a ray.
             x = x.to(view.azimuth)
@@ -149,20 +146,8 @@ class Silhouette(Projection):
                 return self._project(x, view, window)
             if window is None:
                 return either(view.upright(), self._project_upright, self._project_rays, x, view)
-            upright = bool(view.upright().all())
-            return self._project_level(x, view.azimuth, window) if upright else self._project_rays(x, view, window)
-
-    def front(self, x: Tensor) -> Tensor:
-        """Return level silhouettes (B, 1, size, X) along z, without interpolation between columns: cheap.
-
-        All level views of an object are equally high.
-        """
-        x = x if x.dtype == torch.float64 else x.float()
-        with torch.autocast(x.device.type, enabled=False):
-            p = resample_heights(x, self._sampling(x)[0], self.viewport).transpose(1, 2).flip(1)
-        if self.rule == "absorption":
-            return absorption(p, 3, self.density * max(x.shape[1:]) / x.shape[3]).unsqueeze(1)
-        return _RULE[self.rule](p.flip(3), 3).unsqueeze(1)
+            level = bool(view.level().all())
+            return self._project_level(x, view.azimuth, window) if level else self._project_rays(x, view, window)
 
     def _sampling(self, x: Tensor) -> tuple[int, float, int, float]:
         resolution = max(x.shape[1:])

@@ -53,6 +53,12 @@ class View(NamedTuple):
             return torch.zeros_like(self.roll, dtype=torch.bool)
         return (self.perspective == 0) & (self.roll == 0)
 
+    def level(self) -> Tensor:
+        """Return which cameras are upright at elevation 0, (B,) bool; none if a gradient by the camera is asked for."""
+        if self.elevation.requires_grad:
+            return torch.zeros_like(self.elevation, dtype=torch.bool)
+        return self.upright() & (self.elevation == 0)
+
 
 def varies(latent: Tensor) -> bool:
     """Return whether a latent has an effect: one that is not 0, or a gradient at 0."""

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.regularisers import Connected, Regulariser, Regularisers, Solid
+from ..adversarial.regularisers import Centred, Connected, Regulariser, Regularisers, Solid
 from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.sampling import spread_rows
@@ -36,10 +36,11 @@ LEVEL = 0.5
 0.47 or less at 8 +- 5 degrees."""
 
 
-def regulariser_of(solid: float, connected: float) -> Regulariser | None:
-    """Return the preferences whose weight is not zero."""
+def regulariser_of(solid: float, connected: float, projection: Projection | None = None) -> Regulariser | None:
+    """Return the preferences whose weight is not zero; shapes seen in cropped pictures are kept in the middle."""
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
     terms += [Connected(connected)] if connected else []
+    terms += [Centred()] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 
@@ -102,23 +103,18 @@ def is_rendered(collection: Collection) -> bool:
 def camera_of(
     views: Views, bands: int | None, collection: Collection, projection: Projection
 ) -> tuple[LearnedLatent, ...]:
-    """Return what is learned of the cameras of pictures whose view is unknown: nothing if they were rendered here.
+    """Return the elevation if it is learned: of renderings of unknown view whose outlines do not tell that it is 0.
 
-    Outlines that are level tell that cameras were: with elevations to learn, generators explain pictures by them that
-    other shapes should. Elevations are positive, since a silhouette from below is the flipped one from above and
-    behind. Perspective and roll are learned of cropped pictures: others are renderings.
+    Cameras of cropped pictures count as level. With elevations to learn, generators explain by them what other shapes
+    should; where size and place are unknown as well, they end in a wrong world (docs/results.md). Learned elevations
+    are positive, since a silhouette from below is the flipped one from above and behind.
     """
-    if views in ("known", "direct") or bands is not None or is_rendered(collection):
+    if views in ("known", "direct") or bands is not None or is_rendered(collection) or isinstance(projection, Cropped):
         return ()
     if level_share(some_of(collection)) > LEVEL:
         return ()
     degree = math.radians(1)
-    elevation = LearnedLatent("elevation", 8 * degree, 5 * degree, 0.0, 75 * degree, begin=0.25, negligible=2 * degree)
-    if not isinstance(projection, Cropped):
-        return (elevation,)
-    perspective = LearnedLatent("perspective", 0.05, 0.05, 0.0, 0.4, begin=0.4, negligible=0.03)
-    roll = LearnedLatent("roll", 0.0, 2 * degree, fixed_mean=True, begin=0.4, negligible=0.5 * degree)
-    return (elevation, perspective, roll)
+    return (LearnedLatent("elevation", 8 * degree, 5 * degree, 0.0, 75 * degree, begin=0.25, negligible=2 * degree),)
 
 
 def silhouette_views(silhouette: Projection, bins: int, bands: int | None) -> tuple[Observation, ...]:

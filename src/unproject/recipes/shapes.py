@@ -75,9 +75,9 @@ def shapes(
             folder the median of their shorter sides; 32 of smaller ones, with views direct, and if `minutes` is
             under 30).
         bins: views: bins of azimuth.
-        bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0). By default the
-            elevations of pictures of unknown view are learned along, of cropped pictures perspective and roll too,
-            unless outlines show that cameras were level (`ops.level_share`); others are 0.
+        bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0). By default
+            elevations are 0, except of pictures of unknown view that were not cropped, unless outlines show that
+            cameras were level (`ops.level_share`): these are learned along.
         views_per_shape: silhouettes rendered of each shape of a 3-D collection.
         binary: threshold rendered silhouettes at one half.
         flips: learn from the mirror images of the pictures too; for small collections.
@@ -116,7 +116,7 @@ def shapes(
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(0.0 if direct else solid, connected),
+        regulariser=regulariser_of(0.0 if direct else solid, connected, observations[0].projection),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         batch=48,
