@@ -53,6 +53,8 @@ def test_centred_is_the_square_of_how_far_the_centre_of_mass_is_off(axis: int) -
     x[1] = x[1].roll(2, axis)
     assert Centred(3.0)(x[:1], 0.0).item() == pytest.approx(0, abs=1e-6)
     assert Centred(3.0)(x, 0.5).item() == pytest.approx(3.0 * 0.5**2 / 2)
+    others = "xyz".replace("xyz"[axis], "")
+    assert Centred(3.0, others)(x, 0.0).item() == pytest.approx(0, abs=1e-6)
 
 
 def test_centred_moves_a_body_back_to_the_middle() -> None:

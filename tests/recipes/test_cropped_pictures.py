@@ -99,7 +99,9 @@ def test_no_cameras_are_learned_of_outlines_that_are_level(elevation: float, fou
 
 def test_shapes_are_kept_in_the_middle_if_pictures_were_cropped(masks: Path) -> None:
     made = [shapes(data=data, **SMALL).regulariser for data in (masks, as_arrays(masks))]
-    assert [Centred() in found.terms for found in made if isinstance(found, Regularisers)] == [True, False]
+    assert [Centred(axes="xz") in found.terms for found in made if isinstance(found, Regularisers)] == [True, False]
+    tilted = shapes(data=masks, **SMALL | {"bands": 3}).regulariser
+    assert isinstance(tilted, Regularisers) and Centred(axes="xyz") in tilted.terms
 
 
 @pytest.mark.parametrize("views", ["predicted", "known", "single", "learned"])

@@ -80,11 +80,15 @@ class Connected:
 
 @dataclass(frozen=True)
 class Centred:
-    """w E|m|², with the centre of mass m = Σ r p / Σ p: keep shapes in the middle where their place may be any.
+    """w E|m|², with the centre of mass m = Σ r p / Σ p along some axes: for shapes whose place there may be any.
 
     Pictures that were cropped to the object say nothing of its place, and the gradient of a cropped picture lacks that
-    of the crop: what it asks to be higher rises and is brought back, without end, until the volume's walls cut shapes
-    off. r runs from -1 to 1 along each axis.
+    of the crop: what it asks to be further right goes there and is brought back, without end, until the volume's walls
+    cut shapes off. r runs from -1 to 1 along each axis.
+
+    Args:
+        weight: w.
+        axes: along which place is free. Level cropped pictures tell how high objects are and stand: "xz".
 
     Examples:
         >>> import torch, unproject as up
@@ -95,11 +99,13 @@ class Centred:
     """
 
     weight: float = 10.0
+    axes: str = "xyz"
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z), whatever is spent of the budget."""
         total = x.flatten(1).sum(1) + TINY
-        sums = [x.sum([axis for axis in (1, 2, 3) if axis != kept]) for kept in (1, 2, 3)]
+        kept_axes = ["xyz".index(name) + 1 for name in self.axes]
+        sums = [x.sum([axis for axis in (1, 2, 3) if axis != kept]) for kept in kept_axes]
         middle = torch.stack([part @ centres(part.shape[1], part) / total for part in sums])
         return self.weight * middle.square().sum(0).mean()
 

@@ -22,7 +22,7 @@ from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .readers.patches import material_patches
 from .readers.photographs import OBSERVATIONS, photographed
 from .readers.probes import read_probe, read_probes, resample_probe
-from .readers.sides import side_of
+from .readers.sides import picture_count, side_of
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
 from .sampling import batch_rows
@@ -71,6 +71,7 @@ __all__ = [
     "read_probes",
     "read_silhouettes",
     "resample_probe",
+    "picture_count",
     "side_of",
     "with_flips",
     "wood",

@@ -27,9 +27,9 @@ MARGIN, STEP = 1.25, 0.15
 class Cropped(Projection):
     """y = P(x, θ) with the object in the middle, as high as it is in a level view.
 
-    The camera is aimed at the object, so that nothing is resampled; where it is level and orthographic it keeps its
-    scale, else the picture is as high as the occupied part of the volume. Where the object is in the picture counts as
-    constant for gradients in x, but not for those in the latents.
+    The camera is aimed at the object, so that nothing is resampled. A level orthographic one is moved sideways only and
+    keeps its scale; other pictures are centred, and as high as the occupied part of the volume. Where the object is in
+    the picture counts as constant for gradients in x, but not for those in the latents.
 
     Attributes:
         silhouette: P; its `size` is that of the result.
@@ -79,10 +79,10 @@ class Cropped(Projection):
         return either(view.level(), self._level, self._aimed, x, view)
 
     def _level(self, x: Tensor, view: View) -> Tensor:
+        """Move the camera sideways only: pictures of one height tell where the object begins and ends."""
         size, viewport = self.silhouette.size or 1, self.silhouette.viewport
-        middle = bounding_box(self.silhouette.seen(x.detach(), view)).centre
-        row, column = ((place * 2 / size - 1) * viewport for place in middle)
-        return self.silhouette.seen(x, view, Window(viewport, column, -row))
+        column = bounding_box(self.silhouette.seen(x.detach(), view)).centre[1]
+        return self.silhouette.seen(x, view, Window(viewport, (column * 2 / size - 1) * viewport))
 
     def _aimed(self, x: Tensor, view: View) -> Tensor:
         """Aim at the object by its box in a wide picture, so that none is cut off and nothing is resampled."""

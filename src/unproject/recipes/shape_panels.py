@@ -36,11 +36,16 @@ LEVEL = 0.5
 0.47 or less at 8 +- 5 degrees."""
 
 
-def regulariser_of(solid: float, connected: float, projection: Projection | None = None) -> Regulariser | None:
-    """Return the preferences whose weight is not zero; shapes seen in cropped pictures are kept in the middle."""
+def regulariser_of(
+    solid: float, connected: float, projection: Projection | None = None, level: bool = True
+) -> Regulariser | None:
+    """Return the preferences whose weight is not zero.
+
+    Shapes seen in cropped pictures are kept in the middle: sideways if cameras are level, else from top to bottom too.
+    """
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
     terms += [Connected(connected)] if connected else []
-    terms += [Centred()] if isinstance(projection, Cropped) else []
+    terms += [Centred(axes="xz" if level else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 

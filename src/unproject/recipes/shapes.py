@@ -72,8 +72,8 @@ def shapes(
             only their distribution is estimated), known, single (nothing; one discriminator head), or direct (no
             projection: train on the volumes themselves).
         size: voxels, and pixels, a side (default: 64 if the pictures or volumes of `data` are at least 64 a side, in a
-            folder the median of their shorter sides; 32 of smaller ones, with views direct, and if `minutes` is
-            under 30).
+            folder the median of their shorter sides; 32 of smaller ones, of a folder of fewer than 1,000 pictures, with
+            views direct, and if `minutes` is under 30).
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0). By default
             elevations are 0, except of pictures of unknown view that were not cropped, unless outlines show that
@@ -116,7 +116,7 @@ def shapes(
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(0.0 if direct else solid, connected, observations[0].projection),
+        regulariser=regulariser_of(0.0 if direct else solid, connected, observations[0].projection, (bands or 1) == 1),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         batch=48,

@@ -45,6 +45,17 @@ def side_of(path: str | os.PathLike[str]) -> int | None:
         return None
 
 
+def picture_count(path: str | os.PathLike[str]) -> int | None:
+    """Return how many picture files a folder holds; None of what is no folder of pictures.
+
+    Examples:
+        >>> picture_count("masks.npy") is None
+        True
+    """
+    folder = Path(path)
+    return len(picture_files(folder)) if folder.is_dir() and not holds_only_shapes(folder) else None
+
+
 def _of_folder(path: Path) -> int | None:
     if holds_only_shapes(path):
         return _median(sorted(path.rglob("*.binvox")), _of_binvox)
