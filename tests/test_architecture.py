@@ -18,9 +18,9 @@ LAYERS = (
     ("adversarial", "assignment", "domains", "testing"),
     ("inversion",),
     ("training",),
-    ("recipes",),
-    ("reproduce",),
-    ("cli", "studio"),
+    ("recipes", "report"),
+    ("reproduce", "studio"),
+    ("cli",),
 )
 LAYER_OF = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 FOUNDATIONS = frozenset(LAYERS[0])

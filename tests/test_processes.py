@@ -36,7 +36,7 @@ def test_the_command_trains_in_two_processes(tmp_path: Path) -> None:
     assert len(checkpoint.list_checkpoints(run / "checkpoints")) == 1 and len(list((run / "samples").iterdir())) == 1
     assert steps(run) == [1, 2, 3]  # three rounds of assignment, each written once
     assert sorted(path.name for path in run.iterdir()) == [
-        "checkpoints", "environment.json", "recipe.json", "samples", "stats.jsonl", "verdict.json"
+        "checkpoints", "environment.json", "recipe.json", "report.html", "samples", "stats.jsonl", "verdict.json"
     ]  # fmt: skip
     assert done.stdout.count("4 steps") == 1
 

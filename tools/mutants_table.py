@@ -1645,8 +1645,8 @@ ASSIGNMENTS = (
     mutant(
         "panel: rows of further collections are off by one",
         "assignment/panel.py",
-        "(self._ends[k - 1] if k else 0)",
-        "(self._ends[k - 1] + 1 if k else 0)",
+        "self._ends[k - 1] if k else 0",
+        "self._ends[k - 1] + 1 if k else 0",
         f"{PANEL}::test_rows_run_through_the_collections",
     ),
     mutant(
@@ -2828,6 +2828,58 @@ INVERSION = (
     ),
 )
 
+COLLECTIONS = (
+    mutant(
+        "collections: what lies in a file is read into memory",
+        "data/readers/arrays.py",
+        "if isinstance(stored, np.memmap):",
+        "if False:",
+        "data/test_packing.py::test_a_pack_holds_what_the_folder_is_read_as",
+    ),
+    mutant(
+        "collections: a part of what lies in a file takes its first rows",
+        "data/lazy.py",
+        "rows if self.rows is None else self.rows[rows]",
+        "rows",
+        "data/test_packing.py::test_images_and_other_sizes_are_made_by_the_batch",
+    ),
+    mutant(
+        "collections: a member of an archive begins before its header ends",
+        "data/readers/archives.py",
+        "LOCAL_HEADER + sum(lengths))",
+        "LOCAL_HEADER + lengths[0])",
+        "data/test_packing.py::test_a_pack_holds_what_the_folder_is_read_as",
+    ),
+    mutant(
+        "surveys: workers return pictures in the order in which they are done",
+        "data/readers/surveying.py",
+        "return pool.imap(attempt, files, AT_ONCE)",
+        "return reversed(list(pool.imap(attempt, files, AT_ONCE)))",
+        "data/readers/test_surveying.py::test_workers_find_what_one_process_finds",
+    ),
+    mutant(
+        "surveys: workers outlive their parent",
+        "data/readers/surveying.py",
+        "    os._exit(1)",
+        "    return",
+        "data/readers/test_surveying.py::test_workers_end_with_a_process_that_is_killed",
+    ),
+    mutant(
+        "packs: parts of other files are taken over",
+        "data/packing.py",
+        "return digest.hexdigest()[:12]",
+        'return "parts"',
+        "data/test_packing.py::test_a_pack_belongs_to_its_files_and_to_how_they_were_read",
+    ),
+    mutant(
+        "packs: parts are written in place",
+        "data/packing.py",
+        "    with atomic_path(part) as temporary:\n        np.savez(\n            temporary,",
+        "    part.parent.mkdir(exist_ok=True)\n    if True:\n        np.savez(\n            part,",
+        "data/test_packing.py::test_a_part_is_written_whole_or_not_at_all",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2852,4 +2904,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *SIZES,
     *CHOICES,
     *INVERSION,
+    *COLLECTIONS,
 )

@@ -88,6 +88,7 @@ _SUBMODULES = (
     "ops",
     "projections",
     "recipes",
+    "report",
     "testing",
 )
 
@@ -121,6 +122,7 @@ if TYPE_CHECKING:
     from . import ops as ops
     from . import projections as projections
     from . import recipes as recipes
+    from . import report as report
     from . import testing as testing
     from ._types import UserError as UserError
     from .adversarial.adaptive import Adaptive as Adaptive

@@ -1,7 +1,10 @@
-"""Atomic writing of files.
+"""Atomic writing of files, and what is refused before it is read.
 
 A process may be killed and a disk may fill up at any instant. `atomic_path` gives a temporary file in the same folder;
 it is renamed to the final name only after it was written completely and synchronised to the disk.
+
+What is read may be a pipe, for which a reader would wait for ever, or a small file that announces an endless content:
+`check_regular` and `check_unpacked` refuse them before anything is read or memory is taken.
 """
 
 from __future__ import annotations
@@ -9,9 +12,15 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from ._types import UserError
+
+UNPACKED, TIMES = 2**29, 20
+"""Bytes in memory that any file may take, and how many more for each byte of it."""
 
 
 @contextmanager
@@ -20,7 +29,7 @@ def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
 
     Afterwards `final` is the new file, or unchanged. `tmp` is a hidden file in the same folder (created if missing)
     with the same suffix, since writers choose the format by the suffix. An exception in the block, or an error of the
-    disk, removes `tmp` and propagates.
+    disk, removes `tmp` and propagates; one of the disk that names no file names `final`.
     """
     final = Path(final)
     final.parent.mkdir(parents=True, exist_ok=True)
@@ -29,18 +38,64 @@ def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         _synchronise(temporary)
         os.replace(temporary, final)
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, OSError) and error.errno is not None and error.filename in (None, str(temporary)):
+            error.filename = str(final)
         temporary.unlink(missing_ok=True)
         raise
     # Some file systems cannot synchronise a folder; the file itself is safe by now.
     with contextlib.suppress(OSError):
-        _synchronise(final.parent)
+        _synchronise(final.parent, os.O_RDONLY)
 
 
-def _synchronise(path: Path) -> None:
-    """Flush a file to the disk: otherwise a rename may reach the disk before the data and leave an empty file."""
-    descriptor = os.open(path, os.O_RDONLY)
+def _synchronise(path: Path, mode: int = os.O_RDWR) -> None:
+    """Flush a file to the disk: otherwise a rename may reach the disk before the data and leave an empty file.
+
+    Windows flushes only what is open for writing; a folder can be opened only for reading.
+    """
+    descriptor = os.open(path, mode)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def check_regular(path: str | os.PathLike[str]) -> None:
+    """Refuse pipes, sockets and devices, which a reader would wait for.
+
+    Raises:
+        UserError: if there is no such file, or it is none of these that end.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise UserError(f"{path}: there is no such file; check the path") from None
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise UserError(f"{path}: is a pipe, a socket or a device; write what it gives to a file, and name that")
+
+
+def check_unpacked(path: str | os.PathLike[str], size: int) -> None:
+    """Refuse what would take `size` bytes in memory if these are more than 512 MiB and 20 times its file.
+
+    Raises:
+        UserError: with both numbers.
+    """
+    stored = os.stat(path).st_size
+    if size > UNPACKED + TIMES * stored:
+        raise UserError(
+            f"{path}: announces {size / 2**20:.0f} MiB in a file of {stored / 2**20:.3f}, more than {UNPACKED >> 20} "
+            f"and {TIMES} times the file; make it smaller, or save arrays as .npy, which are read as they are needed"
+        )
+
+
+def paths_below(folder: Path) -> list[Path]:
+    """Return all files and folders below a folder, sorted.
+
+    Raises:
+        OSError: if a folder may not be read, which `Path.rglob` takes for an empty one.
+    """
+
+    def refuse(error: OSError) -> None:
+        raise error
+
+    return sorted(Path(top, name) for top, *names in os.walk(folder, onerror=refuse) for part in names for name in part)

@@ -6,20 +6,25 @@ says, palettes resolved.
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from ._files import atomic_path
+from ._files import atomic_path, check_unpacked
 from ._types import UserError
 
 if TYPE_CHECKING:
     from PIL import Image
 
-MOST_PIXELS = 2**27  # 11600²: larger ones are mistakes or bombs
+MOST_PIXELS, LONGEST = 2**27, 2**15  # 11600², and pixels a side: larger ones are mistakes or bombs
+MOST_SHOWN = 2**24
+"""Pixels of which more make a displayed picture be read at half its size, or a third, ..."""
 Depth = Literal["uint8", "uint16", "half", "float"]
 
 
@@ -45,38 +50,62 @@ def read_stored(path: str | os.PathLike[str]) -> Picture:
     name = os.fspath(path)
     if not os.path.isfile(name):
         raise UserError(f"{name}: there is no such file; check the path")
-    if not name.lower().endswith((".hdr", ".exr")):
-        _decoded(name)
-    config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(name, config)
-    if file is None:
-        raise UserError(f"{name}: not a picture that can be read ({_reason(oiio.geterror())}); give .hdr, .exr or .png")
+    with _silenced():
+        if not name.lower().endswith((".hdr", ".exr")):
+            _decoded(name)
+        config = oiio.ImageSpec()
+        config.attribute("oiio:UnassociatedAlpha", 1)
+        file = oiio.ImageInput.open(name, config)
+        if file is None:
+            reason = _said(oiio.geterror)
+            raise UserError(f"{name}: not a picture that can be read ({reason}); give .hdr, .exr or .png")
+        try:
+            return _read(name, file)
+        finally:
+            file.close()
+
+
+def _read(name: str, file: Any) -> Picture:
+    spec = file.spec()
+    _check_size(name, spec.width, spec.height, spec.nchannels)
+    pixels = file.read_image("float")
+    if pixels is None or file.has_error:
+        raise UserError(f"{name}: damaged or truncated ({_said(file.geterror)}); give a whole file")
+    return Picture(np.atleast_3d(np.asarray(pixels, np.float32)), str(spec.format))
+
+
+def _check_size(name: str, width: int, height: int, channels: int) -> None:
+    if width * height > MOST_PIXELS or max(width, height) > LONGEST:
+        raise UserError(f"{name}: {width} × {height} pixels are too many; give at most {MOST_PIXELS}, {LONGEST} a side")
+    check_unpacked(name, 4 * width * height * channels)
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Keep the libraries that decode pictures from writing to stderr: what is wrong is said once, by us."""
+    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
-        spec = file.spec()
-        if spec.width * spec.height > MOST_PIXELS:
-            raise UserError(f"{name}: {spec.width} × {spec.height} pixels are too many; give at most {MOST_PIXELS}")
-        pixels = file.read_image("float")
-        if pixels is None or file.has_error:
-            raise UserError(f"{name}: damaged or truncated ({_reason(file.geterror())}); give a whole file")
-        return Picture(np.atleast_3d(np.asarray(pixels, np.float32)), str(spec.format))
+        os.dup2(nowhere, 2)
+        yield
     finally:
-        file.close()
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(nowhere)
 
 
 def _decoded(name: str) -> None:
-    """Pillow reads ordinary pictures first: the library behind the other reader writes its complaints to stderr."""
+    """Pillow reads ordinary pictures first: it tells damaged ones more reliably."""
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit is ours
-            opened = Image.open(name)
-        with opened as picture:
-            if picture.width * picture.height > MOST_PIXELS:
-                raise Image.DecompressionBombError(f"{picture.width} × {picture.height} pixels are too many")
-            picture.load()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+            warnings.simplefilter("ignore")  # the limit is ours
+            with Image.open(name) as picture:
+                _check_size(name, picture.width, picture.height, len(picture.getbands()))
+                picture.load()
+    except UserError:
+        raise
+    except Exception as error:  # its decoders raise whatever damaged files make them run into
         raise UserError(f"{name}: not a picture that can be read ({_reason(str(error))}); give a whole .png") from error
 
 
@@ -93,12 +122,20 @@ def write_picture(path: str | os.PathLike[str], pixels: Any, depth: Depth) -> No
     with atomic_path(path) as temporary:
         file = oiio.ImageOutput.create(str(temporary))
         if file is None:
-            raise UserError(f"{path}: {_reason(oiio.geterror())}; give a name that ends in .png, .exr or .hdr")
+            raise UserError(f"{path}: {_said(oiio.geterror)}; give a name that ends in .png, .exr or .hdr")
         spec = oiio.ImageSpec(width, height, channels, depth)
         spec.attribute("oiio:UnassociatedAlpha", 1)
         written = file.open(str(temporary), spec) and file.write_image(pixels) and file.close()
         if not written:
-            raise OSError(f"{path}: {_reason(file.geterror())}")
+            raise OSError(f"{path}: {_said(file.geterror)}")
+
+
+def _said(ask: Callable[[], str]) -> str:
+    """What the library says of its error; of damaged files that is at times no text at all."""
+    try:
+        return _reason(ask())
+    except UnicodeDecodeError:
+        return "damaged"
 
 
 def _reason(text: str) -> str:
@@ -111,20 +148,33 @@ def read_displayed(file: Path) -> np.ndarray:
     Raises:
         UnusablePicture: if it cannot be read, or is so large that Pillow takes it for a decompression bomb.
     """
-    from PIL import Image, ImageOps, UnidentifiedImageError
+    from PIL import Image, UnidentifiedImageError
 
     try:
-        with warnings.catch_warnings():
+        with _silenced(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             with Image.open(file) as picture:
-                return _displayed(ImageOps.exif_transpose(picture))
+                check_sides(*picture.size)
+                return _displayed(picture)
+    except UnusablePicture:
+        raise
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise UnusablePicture(f"too large: over {Image.MAX_IMAGE_PIXELS} pixels; make it smaller") from None
     except UnidentifiedImageError:
         raise UnusablePicture("unreadable: no picture of a known format") from None
-    except (OSError, SyntaxError, ValueError, EOFError, MemoryError, TypeError, IndexError) as error:
+    except Exception as error:  # its decoders raise whatever damaged files make them run into
         raise UnusablePicture(f"unreadable: {_cause(error)}") from None
+
+
+def check_sides(width: int, height: int) -> None:
+    """Refuse strips: whatever averages a side takes memory by its length.
+
+    Raises:
+        UnusablePicture: if a side is longer than `LONGEST`.
+    """
+    if max(width, height) > LONGEST:
+        raise UnusablePicture(f"too large: {width} x {height} pixels; a side has at most {LONGEST}")
 
 
 def _cause(error: BaseException) -> str:
@@ -133,17 +183,23 @@ def _cause(error: BaseException) -> str:
 
 
 def _displayed(picture: Image.Image) -> np.ndarray:
+    from PIL import ImageOps
+
     if picture.mode.startswith(("I", "F")):
-        return _deep(picture)
+        return _deep(ImageOps.exif_transpose(picture))
     transparent = "A" in picture.getbands() or "transparency" in picture.info
     grey = picture.mode in ("1", "L", "LA")
     mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
-    pixels = np.asarray(picture.convert(mode))
+    shown = picture.convert(mode)
+    factor = math.ceil(math.sqrt(shown.width * shown.height / MOST_SHOWN))
+    pixels = np.asarray(ImageOps.exif_transpose(shown.reduce(factor) if factor > 1 else shown))
     return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
 def _deep(picture: Image.Image) -> np.ndarray:
     """16-bit integers are shares of 65535, as PNG and TIFF mean them; floats are as they are."""
+    if picture.width * picture.height > 2 * MOST_SHOWN:
+        raise UnusablePicture(f"too large: over {2 * MOST_SHOWN} pixels of more than 8 bits; make it smaller")
     values = np.asarray(picture, dtype=np.float32)[..., None]
     if not np.isfinite(values).all():
         raise UnusablePicture("unreadable: has values that are NaN or infinite")

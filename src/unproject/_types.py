@@ -28,6 +28,16 @@ if TYPE_CHECKING:
     Logits: TypeAlias = Tensor
 
 
+def printable(text: object) -> str:
+    r"""Return text for one line of a terminal: names of files may hold anything.
+
+    Examples:
+        >>> printable("a\nb")
+        'a\\nb'
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+
+
 class UserError(ValueError):
     """A mistake that the user can fix; the message says what, where and how.
 

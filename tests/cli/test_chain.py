@@ -268,6 +268,15 @@ def test_train_says_at_its_end_that_samples_are_empty(
     assert capsys.readouterr().err.startswith("warning: all 6 samples are empty") == warned
 
 
+@pytest.mark.parametrize("to", ["npz", "png"])
+def test_some_empty_samples_are_counted(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    volume = np.ones((3, 8, 8, 8), np.float32)
+    volume[1] = 0.4
+    np.savez(tmp_path / "x.npz", volume=volume)
+    assert main(["export", str(tmp_path / "x.npz"), "--to", to, "--out", str(tmp_path / f"y.{to}")]) == 0
+    assert capsys.readouterr().err.startswith("warning: 1 of 3 samples empty (nothing above 0.5); another --seed")
+
+
 def test_what_is_no_recipe_function_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     """Naming the observation of a file in place of its recipe."""
     example = Path(__file__).parents[2] / "examples" / "depth.py"

@@ -91,5 +91,5 @@ def test_a_file_of_something_else_is_one_line_and_status_2(tmp_path, capsys, con
     (tmp_path / "x.npz").write_bytes(content)
     assert main(["export", str(tmp_path / "x.npz"), "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
-    assert error.startswith(f"unproject: {tmp_path / 'x.npz'}: ") and "`unproject sample` wrote" in error
+    assert error.startswith(f"unproject: {tmp_path / 'x.npz'}: ") and "write or fetch it again" in error
     assert error.count("\n") == 1

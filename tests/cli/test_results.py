@@ -285,6 +285,16 @@ def test_the_demo_leaves_pictures_and_meshes(
     assert "holds a demo already" in refused("demo", "--out", out)
 
 
+def test_a_demo_whose_shapes_are_all_empty_says_so_and_leaves_its_run(
+    small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a few seconds of training, on a slow machine."""
+    monkeypatch.setattr("unproject.networks.Generator.sample", lambda self, n, seed=0: torch.zeros(n, 16, 16, 16))
+    assert main(["demo", "--minutes", "0.01", "--out", str(tmp_path / "demo")]) == 0
+    assert {path.name for path in (tmp_path / "demo").iterdir()} == {"silhouettes.png", "chairs.png", "run"}
+    assert "warning: all 16 samples are empty" in capsys.readouterr().err
+
+
 def test_the_demos_help_names_what_it_writes(
     small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -174,6 +174,20 @@ def test_the_recipes_read_what_is_shown() -> None:
     assert ENLARGED == material_panels.ENLARGED
 
 
+def test_the_verb_packs_what_the_recipe_reads(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "pack.npz"
+    assert main(["data", "pack", str(folder), "--for", "shapes-paper", "--size", "24", "--out", str(out)]) == 0
+    assert f"{out}: " in capsys.readouterr().out
+    assert torch.equal(Collection.silhouettes(out).items, Collection.silhouettes(folder, 24).items)
+    assert main(["data", "pack", str(folder), "--for", "digits"]) == 0
+    assert Collection.images(folder.with_name(f"{folder.name}.npz")).shape == (1, 32, 32)
+    assert main(["data", "pack", str(folder), "--for", "wood"]) == 2
+    assert "materials are read from their folder" in capsys.readouterr().err
+    assert main(["data", "pack", str(folder), "--for", "digits", "--mode", "keep"]) == 2
+    assert main(["data", "pack", str(out)]) == 2
+    assert "there is no such folder" in capsys.readouterr().err
+
+
 def test_an_unknown_recipe_is_a_mistake(folder: Path) -> None:
     with pytest.raises(UserError, match="no recipe 'shaps'"):
         run("inspect", folder, for_="shaps")

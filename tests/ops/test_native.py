@@ -48,7 +48,7 @@ def test_without_a_compiler_the_values_are_the_same(folder: Path, monkeypatch: p
 
 
 def test_a_build_that_fails_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_native, "FLAGS", ("--no-such-flag",))
+    monkeypatch.setattr(_native._builds, "FLAGS", ("--no-such-flag",))
     assert _native.kernel("line_integrals", "project_float") is None
     project()
     assert not list(folder.iterdir())

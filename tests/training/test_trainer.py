@@ -123,7 +123,7 @@ def test_samples_are_projected_in_the_views_of_the_images_they_are_paired_with(
     reals: list[Tensor] = []
     project, batch, forward = Panel.project, Panel.batch, Discriminator.forward
     monkeypatch.setattr(Panel, "project", lambda p, x, v, *others: (projected.append(v), project(p, x, v, *others))[1])
-    monkeypatch.setattr(Panel, "batch", lambda p, rows: (reals.append(rows), batch(p, rows))[1])
+    monkeypatch.setattr(Panel, "batch", lambda p, rows, *to: (reals.append(rows), batch(p, rows, *to))[1])
     monkeypatch.setattr(Discriminator, "forward", lambda d, y, h: (heads.append(h), forward(d, y, h))[1])
     recipe = toy(views=views, steps=1, loss="hinge", starts=())
     state = State(recipe, torch.device("cpu"))

@@ -117,7 +117,7 @@ class Panel:
                 "give one for all, or one for each"
             )
         held_out = () if self.held_out is None else (self.held_out,)
-        if len({tuple(c.items.shape[1:]) for c in (*self.collections, *held_out)}) > 1:
+        if len({c.shape for c in (*self.collections, *held_out)}) > 1:
             raise UserError(f"panel of {names}: its images differ in size; give each size a panel of its own")
         object.__setattr__(self, "learned", tuple(self.learned))
         taken, learned = (
@@ -143,7 +143,7 @@ class Panel:
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of one image."""
-        return tuple(self.collections[0].items.shape[1:])
+        return self.collections[0].shape
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:
@@ -153,15 +153,15 @@ class Panel:
         """The number of images."""
         return self._ends[-1]
 
-    def batch(self, rows: Tensor) -> Tensor:
+    def batch(self, rows: Tensor, device: torch.device | None = None) -> Tensor:
         """Return the images of these rows, (B, ...) float32; rows run through the collections one after another."""
         if len(self.collections) == 1:
-            return self.collections[0].batch(rows)
+            return self.collections[0].batch(rows, device)
         which = torch.bucketize(rows, torch.tensor(self._ends), right=True)
-        images = torch.empty(len(rows), *self.shape)
+        images = torch.empty(len(rows), *self.shape, device=device)
         for k in which.unique().tolist():
-            mine = which == k
-            images[mine] = self.collections[k].batch(rows[mine] - (self._ends[k - 1] if k else 0))
+            mine, begin = which == k, self._ends[k - 1] if k else 0
+            images[mine.to(images.device)] = self.collections[k].batch(rows[mine] - begin, device)
         return images
 
     def project(self, x: Tensor, views: Tensor, rng: torch.Generator, learned: LearnedLatents | None = None) -> Tensor:
@@ -217,10 +217,8 @@ class AssignmentState(nn.Module):
         return self
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
-        """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,).
-
-        Called with gradients off where only discriminators are updated.
-        """
+        """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""
+        # Gradients are off where only discriminators are updated.
         return self.observe(x, self.views[rows], rng)
 
     def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
@@ -261,6 +259,10 @@ class AssignmentState(nn.Module):
 
     def estimates(self) -> Tensor | None:
         """Return (N,) the view that was estimated for each image; None if none was."""
+        return None
+
+    def view_probabilities(self) -> Tensor | None:
+        """Return p(k | y) (N + M, K) of the panel's images, then of those held out; None if views are not predicted."""
         return None
 
     def checks(self) -> dict[str, Score]:

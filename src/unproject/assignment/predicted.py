@@ -249,6 +249,9 @@ class PredictedState(AssignmentState):
         )
         return self.settings.fit.probabilities(self.predictor, batches)
 
+    def view_probabilities(self) -> Tensor | None:
+        return self._probabilities() if self.round > 0 else None
+
     def checks(self) -> dict[str, Score]:
         """Return what the predictor knows of views, I(k; y) = H(mean p) - mean H(p), and how many are used."""
         p = self._probabilities()[: len(self.panel)]

@@ -12,10 +12,12 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from io import TextIOWrapper
 
 from .._objects import nearest
 from .._types import UserError
 from ._errors import explain
+from ._warnings import held
 
 VERBS = {
     "demo": "learn chairs from unlabelled silhouettes, in minutes on a laptop",
@@ -23,13 +25,15 @@ VERBS = {
     "resume": "continue a run",
     "sample": "draw samples from a run into an .npz file",
     "evaluate": "score a run against held-out data, or check it by itself",
+    "report": "write a page about a run: verdict, samples, curves, data, commands",
+    "studio": "look at runs in a browser, while they train too",
     "export": "write samples as meshes, pictures, turntables or material maps",
     "fit": "find the shape, material or image behind given pictures",
     "render": "render the maps of a material under natural, directional, coloured or ambient light",
     "reproduce": "train and score the arms of a figure of the paper, or print its networks",
     "recipes": "list the recipes, or show one",
     "check": "test a projection, prior, observation or generator of your own against the laws",
-    "data": "see what a collection is read as, or fetch a public one",
+    "data": "see what a collection is read as, pack a folder, or fetch a public collection",
 }
 """Verb → one line of help. Its module is `unproject.cli.VERB`."""
 
@@ -37,7 +41,13 @@ VERBS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0, 2 for a user's mistake, 130 for Ctrl-C."""
     try:
-        return _run(list(sys.argv[1:] if argv is None else argv))
+        if argv is not None:
+            return _run(list(argv))
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+        with held():
+            return _run(sys.argv[1:])
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
@@ -45,6 +55,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 141
     except (UserError, OSError) as error:
         print(f"unproject: {explain(error)}", file=sys.stderr)
+        return 2
+    except (MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "not enough memory" not in str(error):  # torch's words
+            raise
+        print("unproject: memory is used up; ask for fewer or smaller samples, or a smaller --batch", file=sys.stderr)
         return 2
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 
-from .._types import UserError
+from .._types import UserError, printable
 
 _FIX = {
     errno.ENOSPC: "free some space, or choose another place with --out",
@@ -27,7 +27,7 @@ _FIX = {
 def explain(error: UserError | OSError) -> str:
     """The message of a user's mistake, on one line."""
     message = _explain_os_error(error) if isinstance(error, OSError) else str(error)
-    return " ".join(message.split())
+    return printable(" ".join(message.split()))
 
 
 def _explain_os_error(error: OSError) -> str:

@@ -117,7 +117,7 @@ def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
         why.append(f"its pictures are of another kind than those of training (p {p.min():.3f})")
     if fit.error > FAR:
         why.append(f"no sample's projection comes near (distance {fit.error:.2f}, {FAR:g} is far)")
-    if job.opened.domain.is_empty(fit.x[:1]):
+    if job.opened.domain.empty(fit.x[:1]):
         why.append("nothing is to be seen of what was found, so that it has no file")
     views = [
         {
@@ -140,7 +140,7 @@ def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
     with atomic_path(folder / "fit.npz") as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **{name: value.numpy() for name, value in arrays.items()})  # pyright: ignore
     file = folder / ("textures" if job.to in MATERIAL_FORMATS else f"{folder.name}.{job.to}")
-    if not domain.is_empty(fit.x[:1]):
+    if not domain.empty(fit.x[:1]):
         domain.exporters[job.to](domain.largest_part(fit.x[:1]), file)
     pairs = torch.stack([pictures, fit.projected.clamp(0, 1)], 1).flatten(0, 1)
     shown = picture_sheet(graphs(pairs) if pairs.dim() == 3 else pairs, columns=2, cell=CELL)

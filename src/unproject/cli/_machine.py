@@ -6,9 +6,11 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from .._types import UserError
+from .._types import UserError, printable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch import Tensor
 
     from ..domains import Domain
@@ -31,10 +33,18 @@ def say(line: str) -> None:
         print(line)
 
 
+def say_skipped(skipped: Sequence[tuple[str, str]], used: int) -> None:
+    """Say which materials were skipped, once all went well: of a mistake there is one line and no more."""
+    for name, why in skipped:
+        print(printable(f"skipped {name}: {why}"), file=sys.stderr)
+    if skipped:
+        print(f"skipped {len(skipped)} of {len(skipped) + used} materials", file=sys.stderr)
+
+
 def warn_if_empty(domain: Domain, x: Tensor) -> None:
-    """Say so if nothing is to be seen in any sample."""
-    if os.environ.get("RANK", "0") == "0" and domain.is_empty(x):
-        print(
-            f"warning: all {len(x)} samples are empty (nothing above 0.5); train longer, or see `unproject evaluate`",
-            file=sys.stderr,
-        )
+    """Say in how many samples nothing is to be seen."""
+    count = int(domain.empty(x).sum())
+    if os.environ.get("RANK", "0") == "0" and count:
+        none = f"all {len(x)} samples are empty (nothing above 0.5); train longer, or see `unproject evaluate`"
+        some = f"{count} of {len(x)} samples empty (nothing above 0.5); another --seed draws others"
+        print(f"warning: {none if count == len(x) else some}", file=sys.stderr)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from .._types import UserError
+from ._machine import say_skipped
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -20,24 +20,18 @@ class Materials(NamedTuple):
     skipped: tuple[tuple[str, str], ...] = ()
 
     def say_skipped(self) -> None:
-        """To be said when all went well: of a mistake there is one line and no more."""
-        for name, why in self.skipped:
-            print(f"skipped {name}: {why}", file=sys.stderr)
-        if self.skipped:
-            print(f"skipped {len(self.skipped)} of {len(self.skipped) + len(self.maps)} materials", file=sys.stderr)
+        say_skipped(self.skipped, len(self.maps))
 
 
 def read_maps(path: Path, size: int | None = None) -> Materials:
     """Of an .npz or of folders of textures."""
-    import numpy as np
-
     from ..data import Collection
+    from ..data.readers.arrays import load_arrays
 
     found = Collection.materials(path, size)
     if path.suffix.lower() != ".npz":
         return Materials(found.items, "albedo", found.skipped)
-    with np.load(path, allow_pickle=False) as arrays:
-        meant = str(arrays["fresnel"]) if "fresnel" in arrays else "eta"
+    meant = str(load_arrays(path).get("fresnel", "eta"))
     if meant not in ("eta", "albedo"):
         raise UserError(f"{path}: fresnel is {meant!r}; store 'eta' or 'albedo', or leave it out")
     return Materials(found.items, meant)

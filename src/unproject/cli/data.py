@@ -1,4 +1,4 @@
-"""`unproject data inspect PATH` and `unproject data get NAME`."""
+"""`unproject data inspect PATH`, `unproject data pack FOLDER` and `unproject data get NAME`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    action: Literal["inspect", "get"],
+    action: Literal["inspect", "pack", "get"],
     path: Path,
     /,
     *,
@@ -31,18 +31,20 @@ def run(
     strict: bool = False,
     json: bool = False,
 ) -> None:
-    """Show what a recipe would be given of a path, what is skipped and why; or get a public collection.
+    """Show what a recipe would be given of a path, what is skipped and why; pack a folder; get a public collection.
 
     Args:
-        action: `inspect` a collection, or `get` a public one from the network (the variable UNPROJECT_MIRROR names
-            another address to take its files from).
+        action: `inspect` a collection; `pack` a folder of pictures into one .npz, once, from which `train --data`
+            starts at once whatever its size (what was packed before a kill is kept); or `get` a public one from the
+            network (the variable UNPROJECT_MIRROR names another address to take its files from).
         path: A folder of pictures, an .npz, .npy or idx file, a 3-D collection, or materials; to get one, its name:
             mnist.
         for_: The recipe that is to learn from it: shapes, digits, wood, ..., or one of your own, which is taken to
             learn shapes.
-        out: Write a contact sheet to this PNG file; or the folder to get a collection into (default: the name of the
-            collection).
-        size: Side of the pictures in pixels (default: the recipe's).
+        out: Write a contact sheet to this PNG file; or the pack to write (default: PATH.npz); or the folder to get a
+            collection into (default: the name of the collection).
+        size: Side of the pictures in pixels (default: the recipe's; of packed silhouettes twice that, since cropped
+            ones are framed anew).
         mode: Crop and centre the object, or keep it where it is (default: crop for folders, keep for arrays).
         threshold: Coverage at which a pixel belongs to the object (default: 0.5 for masks, 0.08 for photographs).
         polarity: Whether the object is light or dark; auto reads it off the border (default: auto).
@@ -53,6 +55,9 @@ def run(
         from ..data import get
 
         get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
+        return
+    if action == "pack":
+        _pack(path, out, for_, size, _framing(mode, threshold, polarity), strict)
         return
     found = _inspected(path, for_, size, _framing(mode, threshold, polarity), strict)
     print(json_format.dumps(found.as_dict()) if json else found.table())
@@ -90,6 +95,35 @@ def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | Non
         return inspect_materials(path, size, strict=strict)
     pictures = "images" if kind == "digits" else "silhouettes"
     return inspect(path, size, pictures=pictures, framing=framing, strict=strict)
+
+
+def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: Framing | None, strict: bool) -> None:
+    """Pack a folder as this recipe reads it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from ..data import How, pack
+
+    kind = recipe.partition("-")[0]
+    if kind in MATERIALS:
+        raise UserError(f"--for {recipe}: materials are read from their folder; pack pictures for shapes or digits")
+    images = kind == "digits"
+    if framing is not None and images:
+        raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
+    size = size or _size_of(recipe, path) * (1 if images else ENLARGED)
+    out = out or path.with_name(f"{path.name}.npz")
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("packing")
+        how = How(size, images, framing=framing, strict=strict)
+        found = pack(path, out, how, lambda done, total: bar.update(task, completed=done, total=total))
+    for name, reason in found.skipped[:SHOWN]:
+        print(f"skipped {name}: {reason}")
+    shape = " x ".join(map(str, found.shape))
+    print(f"{found.path}: {found.count} pictures of {shape}, {len(found.skipped)} skipped")
+
+
+ENLARGED, SHOWN = 2, 20
+"""Packed silhouettes are so many times as large as the recipe's, and skipped files that are named."""
 
 
 def _size_of(recipe: str, path: Path) -> int:

@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 
 from .._types import UserError
-from ._machine import use_threads
+from ._machine import use_threads, warn_if_empty
+from ._report import leave_report
 
 
 def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, threads: int | None = None) -> None:
@@ -34,8 +35,15 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
     masks = recipe.panels[0].collections[0].items
     out.mkdir(parents=True, exist_ok=True)
     export.silhouette_sheet(masks[:: max(len(masks) // 64, 1)][:64], out / "silhouettes.png")
-    chairs = train(recipe, out / "run").sample(16, seed=1, largest_part=True)
+    trained = train(recipe, out / "run")
+    chairs = trained.sample(16, seed=1, largest_part=True)
     export.contact_sheet(chairs[:8], path=out / "chairs.png")
-    export.turntable(chairs, out / "turntable.gif")
-    export.glb(chairs, out / "glb")
-    print(f"{out}: chairs.png, turntable.gif, glb/ after {(time.monotonic() - began) / 60:.1f} minutes")
+    written = "chairs.png"
+    if trained.domain.empty(chairs).all():
+        warn_if_empty(trained.domain, chairs)
+    else:
+        export.turntable(chairs, out / "turntable.gif")
+        export.glb(chairs, out / "glb")
+        written += ", turntable.gif, glb/"
+    leave_report(trained, quiet=False)
+    print(f"{out}: {written} after {(time.monotonic() - began) / 60:.1f} minutes")

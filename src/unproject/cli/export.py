@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from .._types import UserError
-from ._machine import warn_if_empty
+from .._types import UserError, printable
+from ._machine import say_skipped, warn_if_empty
 from ._materials import read_maps
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ..domains import Domain
     from ..export import Written
 
@@ -65,12 +66,9 @@ def run(
     with naming(out):
         written = found.domain.exporters[to](x, out, **options)
     _report(written)
-    if to == "png":
+    if not written.skipped:
         warn_if_empty(found.domain, x)
-    for name, why in found.skipped:
-        print(f"skipped {name}: {why}", file=sys.stderr)
-    if found.skipped:
-        print(f"skipped {len(found.skipped)} of {len(found.skipped) + len(found.x)} materials", file=sys.stderr)
+    say_skipped(found.skipped, len(found.x))
 
 
 class Found(NamedTuple):
@@ -85,6 +83,7 @@ class Found(NamedTuple):
 def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
     """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
     from .. import export
+    from ..data.readers.arrays import load_arrays
     from ..domains import BUILT_IN, domain_of_arrays
     from ..training import load
 
@@ -92,14 +91,14 @@ def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: i
     if (source / "recipe.json").exists() or (source.suffix != ".npz" and not textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)
-    names = _names(source) if source.suffix == ".npz" else ()
-    if textures or "diffuse" in names:
+    arrays = load_arrays(source) if source.suffix == ".npz" else {}
+    if textures or "diffuse" in arrays:
         maps, fresnel, skipped = read_maps(source, size)
         return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
     if size is not None:
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
-    domain = domain_of_arrays(names)
-    return Found(_sampled_before(source, domain)[: _some(n)], domain)
+    domain = domain_of_arrays(arrays)
+    return Found(_sampled_before(source, arrays, domain, _some(n)), domain)
 
 
 def _options(
@@ -147,33 +146,28 @@ def _hull(volumes: Any) -> Any:
     return visual_hull(torch.as_tensor(volumes, dtype=torch.float32))
 
 
-def _names(path: Path) -> tuple[str, ...]:
-    """Return the names of the arrays of an .npz."""
-    import zipfile
-
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return tuple(name.removesuffix(".npy") for name in archive.namelist())
-    except (zipfile.BadZipFile, OSError) as error:
-        raise UserError(f"{path}: is no .npz: use a file that `unproject sample` wrote ({error})") from error
-
-
-def _sampled_before(path: Path, domain: Domain) -> Any:
-    import zipfile
-    import zlib
-
+def _sampled_before(path: Path, arrays: Mapping[str, Any], domain: Domain, n: int) -> Any:
+    """The first samples of those that were stored, as float32."""
     import numpy as np
 
+    from ..ops.maps import MAPS
+
+    found = {name: arrays[name] for name in (domain.name, *MAPS) if name in arrays}
+    for name, values in found.items():
+        if values.dtype.kind not in "fiub" or 0 in (values.ndim, values.size):
+            raise UserError(
+                f"{path}: {name} is {values.dtype} {values.shape}; use a file that `unproject sample` wrote"
+            )
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return domain.samples({name: arrays[name] for name in arrays.files})
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        with np.errstate(over="ignore"):
+            return domain.samples({name: values[:n].astype(np.float32) for name, values in found.items()})
+    except ValueError as error:
         raise UserError(f"{path}: {error}: use a file that `unproject sample` wrote") from error
 
 
 def _report(written: Written) -> None:
     for name, reason in written.skipped:
-        print(f"skipped {name}: {reason}")
+        print(printable(f"skipped {name}: {reason}"))
     first = written.paths[0]
     several = f"{len(written.paths)} files in {first.parent}"
     print(f"wrote {first if len(written.paths) == 1 else several}")

@@ -31,6 +31,7 @@ def run(
         quiet: no progress bar, and no verdict on the screen.
     """
     from ..training import resume
+    from ._report import leave_report
     from ._verdict import conclude
 
     use_threads(threads)
@@ -39,6 +40,8 @@ def run(
     spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""
     say(f"{path}: {finished.step} steps{spent}")
     conclude(finished, quiet)
+    if finished.step:
+        leave_report(finished, quiet)
 
 
 def _steps(path: Path) -> int:

@@ -34,6 +34,7 @@ def run(
     """
     from ..training import load
     from ..training.run_directory import naming
+    from ._machine import warn_if_empty
 
     if n < 1:
         raise UserError(f"--n {n}: give at least 1")
@@ -43,4 +44,5 @@ def run(
     x = opened.sample(n, seed, largest_part=largest_part, size=size)
     with naming(out):
         opened.domain.write_arrays(x, out)
+    warn_if_empty(opened.domain, x)
     print(f"{out}: {n} samples ({opened.domain.name}) of {'x'.join(map(str, x.shape[1:]))}")

@@ -30,7 +30,7 @@ def run(
     """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
 
     Memory and seconds of a step are estimated first. A run whose budget is spent ends with a verdict in one line, which
-    verdict.json explains.
+    verdict.json explains; report.html shows it all.
 
     Args:
         out: the run directory to make (default: runs/RECIPE-SEED).
@@ -43,12 +43,17 @@ def run(
     from ..training import train
     from ..training.run import is_foreign
     from ._machine import say, use_threads, warn_if_empty
+    from ._report import leave_report
     from ._verdict import conclude
+    from ._warnings import release
 
     use_threads(threads)
     _estimate(recipe, device)
     name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
     out = out or Path("runs") / f"{name}-{recipe.seed}"
+    if not quiet:
+        say(f"{out}: watch it in a browser with unproject studio {shlex.quote(str(out.parent))}")
+    release()
     finished = train(recipe, out, start=from_, device=device, quiet=quiet)
     if not finished.step:
         say(f"{out}: stopped before the first step was done; unproject resume {out} starts again")
@@ -59,6 +64,7 @@ def run(
     stopped = "" if finished.complete else f" (stopped; unproject resume {shlex.quote(str(out))} continues)"
     say(f"{out}: {finished.step} steps{stopped}; next: unproject {command}")
     conclude(finished, quiet)
+    leave_report(finished, quiet)
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

@@ -5,7 +5,7 @@
 them.
 """
 
-from .collection import Collection, read
+from .collection import Collection
 from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
@@ -13,18 +13,21 @@ from .inspection import Inspection, inspect, inspect_materials
 from .listed import are_pictures, read_photographs, read_silhouettes
 from .mapping import mapped
 from .observing import observe
+from .packing import Packed, pack
 from .procedural.light import mixed_probes, procedural_probes
 from .procedural.materials.materials import correlated, metal, plastic, wood
 from .procedural.shapes.birds import birds
 from .procedural.shapes.cars import cars
 from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
+from .readers.how import How
 from .readers.patches import material_patches
 from .readers.photographs import OBSERVATIONS, photographed
 from .readers.probes import read_probe, read_probes, resample_probe
 from .readers.sides import picture_count, side_of
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
+from .reading import read
 from .sampling import batch_rows
 from .symmetry import plane_of_symmetry
 
@@ -39,7 +42,9 @@ __all__ = [
     "Convention",
     "Framed",
     "Framing",
+    "How",
     "Inspection",
+    "Packed",
     "UnusablePicture",
     "are_pictures",
     "batch_rows",
@@ -60,6 +65,7 @@ __all__ = [
     "metal",
     "mixed_probes",
     "observe",
+    "pack",
     "photographed",
     "plane_of_symmetry",
     "plastic",

@@ -23,6 +23,7 @@ from torch import Tensor
 from typing_extensions import Self
 
 from .._types import UserError
+from .lazy import Lazy, Rows
 from .readers.arrays import read_arrays
 from .readers.found import Found, chunks, to_floats, white_of
 from .readers.framing import Framing
@@ -34,7 +35,6 @@ from .readers.textures import Convention, find_materials
 from .splitting import split_rows
 
 PathLike = str | os.PathLike[str]
-Rows = Tensor | Sequence[int] | slice
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -48,8 +48,8 @@ class Collection:
     tensor([[[[1., 1.]]]])
 
     Attributes:
-        items: (N, C, H, W) pictures, (N, X, Y, Z) volumes or (N, 1, D) line integrals; uint8 or float32, and
-            memory-mapped if they come from a .npy file.
+        stored: (N, C, H, W) pictures, (N, X, Y, Z) volumes or (N, 1, D) line integrals; uint8 or float32. Pictures of
+            a .npy file, or of a large .npz that is not compressed, stay in the file until a batch asks for them.
         names: one name for each item.
         latents: the known views, name → (N,) float32 (angles in radians); None if unknown.
         skipped: (name, reason) of each file that was found and not used.
@@ -57,7 +57,7 @@ class Collection:
         white: the stored value that stands for 1.
     """
 
-    items: Tensor
+    stored: Tensor | Lazy
     names: tuple[str, ...]
     latents: dict[str, Tensor] | None
     skipped: tuple[tuple[str, str], ...]
@@ -77,7 +77,7 @@ class Collection:
         """Take the items of a tensor or an array: uint8 and bool as uint8, all others as float32.
 
         Args:
-            items: (N, ...).
+            items: (N, ...), a tensor, an array, or `Lazy` ones.
             names: one for each item; default: their numbers.
             latents: the known views, name → (N,) values.
             skipped: (name, reason) of each file that is not used.
@@ -118,8 +118,8 @@ class Collection:
 
         Args:
             path: a folder of pictures, or an .npz, .npy or idx file.
-            size: pixels a side: larger pictures are averaged down with their aspect kept, smaller ones get a dark
-                margin, as MNIST's 28² do; default: as stored, which must be one size for all.
+            size: pixels a side: larger pictures are averaged down, smaller ones get a dark margin; default: as stored,
+                which must be one size for all.
             colour: keep red, green and blue, (N, 3, H, W); default: grey, 0.299 R + 0.587 G + 0.114 B.
             strict: fail on the first picture that cannot be used instead of skipping it.
 
@@ -176,8 +176,7 @@ class Collection:
         """Read material maps (N, 8, H, W), packed as `ops.maps` says, from folders of textures or an .npz of maps.
 
         Args:
-            path: a folder of textures, or with folders of textures at any depth; or an .npz with `diffuse`,
-                `specular`, `roughness` and `normal`, as `unproject sample` writes them.
+            path: a folder of textures or of such folders, at any depth; or an .npz of maps, as `sample` writes them.
             size: pixels a side, area averages of the largest centred square; default: as stored.
             convention: what the textures hold; default: perceptual roughness, sRGB colours, OpenGL normals.
             strict: fail on the first material that cannot be used instead of skipping it.
@@ -209,16 +208,21 @@ class Collection:
         return cls(**found._asdict())
 
     @property
+    def items(self) -> Tensor:
+        """All items as they are stored, (N, ...): in memory, or mapped; those that are picked or changed are made."""
+        return self.stored.whole() if isinstance(self.stored, Lazy) else self.stored
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """The shape of one item."""
-        return tuple(self.items.shape[1:])
+        return tuple(self.stored.shape[1:])
 
     def __len__(self) -> int:
-        return len(self.items)
+        return len(self.stored)
 
-    def batch(self, rows: Rows) -> Tensor:
-        """Return the items of these rows as float32: items / white."""
-        return to_floats(self.items[rows], self.white)
+    def batch(self, rows: Rows, device: torch.device | None = None) -> Tensor:
+        """Return the items of these rows as float32, items / white, on a device (default: the processor)."""
+        return to_floats(self.stored[rows].to(device), self.white)
 
     def floats(self) -> Tensor:
         """Return all items as float32; those that are stored so without a copy."""
@@ -229,7 +233,7 @@ class Collection:
         places = torch.arange(len(self))[rows]
         known = None if self.latents is None else {name: v[places] for name, v in self.latents.items()}
         names = tuple(self.names[i] for i in places.tolist())
-        picked = self.items[rows]
+        picked = Lazy(self.stored, places) if isinstance(self.stored, Lazy) else self.stored[rows]
         return type(self)(
             picked, names=names, latents=known, skipped=self.skipped, source=self.source, white=self.white
         )
@@ -237,8 +241,8 @@ class Collection:
     def split(self, share: float = 0.1, seed: int = 0) -> tuple[Self, Self]:
         """Return (training items, held-out items), both in order; the same seed gives the same.
 
-        Whole groups are held out, drawn at random: what is rendered of one shape (`chair_00012#0`, `#1`, ...), or else
-        up to 16 neighbours. They are `share` of all groups, but eight at least, and of less than 32 groups a quarter.
+        Whole groups are held out, at random: what is rendered of one shape (`chair_00012#0`, `#1`, ...), or else up to
+        16 neighbours. They are `share` of all groups, but eight at least, and of less than 32 groups a quarter.
 
         Raises:
             UserError: for a share that is not between 0 and 1, or a collection of a single group.
@@ -262,30 +266,9 @@ class Collection:
         return f"{type(self).__name__}({len(self)} items of {shape} from {self.source}, {views})"
 
 
-def read(
-    path: PathLike,
-    size: int | None = None,
-    *,
-    pictures: Literal["silhouettes", "images"] = "silhouettes",
-    framing: Framing | None = None,
-    strict: bool = False,
-) -> Collection:
-    """Read what a path holds: pictures, volumes or line integrals.
-
-    Args:
-        path: a folder of pictures, an .npz, .npy or idx file, or a 3-D collection.
-        size: pixels or voxels a side; default: 64 for a folder of silhouettes, 32 for meshes, else as stored.
-        pictures: read pictures as `Collection.silhouettes` or as `Collection.images` does.
-        framing: of silhouettes.
-        strict: fail on the first file that cannot be used instead of skipping it.
-
-    Raises:
-        UserError: if there is nothing there that can be used; the message says how to fix it.
-    """
-    return Collection(**find(path, How(size, pictures == "images", framing=framing, strict=strict))._asdict())
-
-
-def _tensor(items: Any) -> Tensor:
+def _tensor(items: Any) -> Tensor | Lazy:
+    if isinstance(items, Lazy):
+        return items
     if isinstance(items, (str, os.PathLike)):
         raise UserError(
             f"{os.fspath(items)}: a Collection is made of items; read a path with Collection.silhouettes, .images, "
@@ -295,10 +278,14 @@ def _tensor(items: Any) -> Tensor:
     return items if items.dtype == torch.uint8 else items.byte() if items.dtype == torch.bool else items.float()
 
 
-def _checked(items: Tensor, source: str) -> Tensor:
-    if items.ndim < 1 or items.numel() == 0:
+def _checked(items: Tensor | Lazy, source: str) -> Tensor | Lazy:
+    if not items.shape or 0 in items.shape:
         raise UserError(f"{source}: holds no items; give at least one")
-    if items.is_floating_point() and not all(bool(torch.isfinite(part).all()) for part in chunks(items)):
+    if (
+        isinstance(items, Tensor)
+        and items.is_floating_point()
+        and not all(bool(torch.isfinite(part).all()) for part in chunks(items))
+    ):
         raise UserError(f"{source}: has values that are NaN or infinite; replace them")
     return items
 

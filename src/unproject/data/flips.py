@@ -21,12 +21,12 @@ def with_flips(collection: Collection) -> Collection:
     Raises:
         UserError: for items that are neither pictures nor volumes, or for latents other than azimuth and elevation.
     """
-    if collection.items.dim() != 4:
+    items = collection.items
+    if items.dim() != 4:
         raise UserError(f"{collection.source}: only pictures and volumes can be flipped; give either")
-    is_picture = collection.items.shape[1] != collection.items.shape[3]
-    items = _paired(collection.items, collection.items.flip(3 if is_picture else 1))
+    is_picture = items.shape[1] != items.shape[3]
     return Collection(
-        items,
+        _paired(items, items.flip(3 if is_picture else 1)),
         names=[paired for name in collection.names for paired in (name, f"{name} flipped")],
         latents=_flipped_views(collection),
         skipped=collection.skipped,

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from .._types import printable
 from ..ops.outlines import level_share
-from .collection import Collection, read
+from .collection import Collection
 from .measured_lines import scale_of
 from .readers.arrays import LATENTS
 from .readers.found import Found, check_size
@@ -18,7 +19,8 @@ from .readers.how import How
 from .readers.patches import material_patches
 from .readers.paths import holds_only_shapes
 from .readers.photographs import photographed
-from .readers.pictures import silhouettes_of, survey_silhouettes
+from .readers.pictures import found_of, stacked, survey_pictures
+from .reading import read
 from .sampling import spread_rows
 
 Row = tuple[str, str, str, str]
@@ -52,6 +54,7 @@ class Inspection:
         """Return the text: what was skipped and why, how the rest was read, the totals."""
         used = [row for row in self.rows if row[3] == "used"]
         shown = [*self.skipped[:limit], *used[:limit]]
+        shown = [(printable(name), *rest) for name, *rest in shown]
         widths = [max(len(row[k]) for row in shown) for k in range(3)]
         lines = ["  ".join((*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[3])) for row in shown]
         left = len(self.rows) - len(shown)
@@ -61,7 +64,7 @@ class Inspection:
         """Return the totals, a line each."""
         used = len(self.rows) - len(self.skipped)
         how = Counter(row[2] for row in self.rows if row[3] == "used")
-        lines = [f"{self.source}: {used} used, {len(self.skipped)} skipped"]
+        lines = [f"{printable(self.source)}: {used} used, {len(self.skipped)} skipped"]
         lines += [f"  {count} read as {name}" for name, count in how.most_common()]
         for name, found in self.collections.items():
             views = ", ".join(found.latents) if found.latents else "unknown"
@@ -82,10 +85,10 @@ class Inspection:
         return {
             "source": self.source,
             "used": len(self.rows) - len(self.skipped),
-            "shape": None if first is None else list(first.items.shape),
+            "shape": None if first is None else [len(first), *first.shape],
             "views": None if first is None or first.latents is None else list(first.latents),
             "level_outlines": self.level_outlines(),
-            "collections": {name: list(found.items.shape) for name, found in self.collections.items()},
+            "collections": {name: [len(found), *found.shape] for name, found in self.collections.items()},
             "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
             "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
         }
@@ -99,7 +102,7 @@ def degrees_of(collection: Collection) -> dict[str, tuple[float, float]]:
 
 def readings_of(collection: Collection) -> list[str]:
     """Return a line of text on the readings of line integrals, none of others."""
-    if collection.items.dim() != 3:
+    if len(collection.shape) != 2:
         return []
     lines = collection.floats()
     scale = scale_of(collection)
@@ -125,7 +128,7 @@ def inspect(
     if path.is_dir() and pictures == "silhouettes" and not holds_only_shapes(path):
         return _inspect_silhouettes(path, How(size, framing=framing, strict=strict))
     found = read(path, size, pictures=pictures, framing=framing, strict=strict)
-    kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.items).kind]
+    kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.stored).kind]
     name = "silhouettes" if kind == "picture" and pictures == "silhouettes" else f"{kind}s"
     return _inspection(path, {name: found}, {name: kind})
 
@@ -157,10 +160,10 @@ def _inspection(path: Path, found: Mapping[str, Collection], kinds: Mapping[str,
 
 
 def _inspect_silhouettes(path: Path, how: How) -> Inspection:
-    survey = survey_silhouettes(path, how)
-    rows: list[Row] = [(name, "", "", reason) for name, reason in survey.skipped.items()]
-    for name, framed in survey.used.items():
-        kind = "alpha" if framed.channel == "alpha" else f"{framed.channel} on {framed.background} background"
-        rows.append((name, f"{framed.width} x {framed.height}", kind, "used"))
-    found = {"silhouettes": Collection(**silhouettes_of(path, survey)._asdict())} if survey.used else {}
-    return Inspection(str(path), found, tuple(rows))
+    found = survey_pictures(path, how)
+    rows: list[Row] = [(name, "", "", reason) for name, reason in found.skipped.items()]
+    rows += [(name, f"{item.width} x {item.height}", item.read_as, "used") for name, item in found.used.items()]
+    if not found.used:
+        return Inspection(str(path), {}, tuple(rows))
+    collection = found_of(path, tuple(found.skipped.items()), tuple(found.used), stacked(path, found))
+    return Inspection(str(path), {"silhouettes": Collection(**collection._asdict())}, tuple(rows))

@@ -60,7 +60,7 @@ def plane_of_symmetry(collection: Collection) -> Plane | None:
         ['x', 'z']
     """
     rows = spread_rows(len(collection), MOST)
-    if collection.items.shape[1] != 1:
+    if collection.shape[0] != 1:
         found, largest = asymmetries_of_volumes(collection, rows), LARGEST_OF_VOLUMES
     elif collection.latents is None or "azimuth" not in collection.latents:
         return None

@@ -57,9 +57,9 @@ class Domain(ABC):
     def preview(self, x: Tensor) -> Image.Image:
         """Draw samples x (N, ...) as one picture."""
 
-    def is_empty(self, x: Tensor) -> bool:
-        """Whether there is nothing to be seen in any of these samples."""
-        return False
+    def empty(self, x: Tensor) -> Tensor:
+        """Return in which of samples x (N, ...) nothing is to be seen, (N,) boolean."""
+        return torch.zeros(len(x), dtype=torch.bool)
 
     def largest_part(self, x: Tensor) -> Tensor:
         """Return samples without parts that float; those of a domain that has no parts as they are."""

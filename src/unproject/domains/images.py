@@ -41,8 +41,8 @@ class Images(Domain):
     def preview(self, x: Tensor) -> Image.Image:
         return export.silhouette_sheet(x, scale=2)
 
-    def is_empty(self, x: Tensor) -> bool:
-        return not bool((x > 0.5).any())
+    def empty(self, x: Tensor) -> Tensor:
+        return (x <= 0.5).flatten(1).all(1)
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         upright = image_scores(x, reference, bins=turns, seed=seed)

@@ -53,8 +53,8 @@ class Volumes(Domain):
     def preview(self, x: Tensor) -> Image.Image:
         return export.contact_sheet(x, size=96)
 
-    def is_empty(self, x: Tensor) -> bool:
-        return not bool((x > 0.5).any())
+    def empty(self, x: Tensor) -> Tensor:
+        return (x <= 0.5).flatten(1).all(1)
 
     def largest_part(self, x: Tensor) -> Tensor:
         return largest_part(x.float())

@@ -40,7 +40,7 @@ def solid(volume: ArrayLike, level: float = 0.5, smooth: int = 6) -> Solid:
     normals = vertex_normals(vertices, faces)
     occupied = (v > level).astype(np.float32)
     blurred = ndimage.gaussian_filter(occupied, max(v.shape) / 40, mode="constant")
-    return Solid(vertices, normals, faces, _openness(occupied, vertices, normals), blurred)
+    return Solid(vertices, normals, faces, openness(occupied, vertices, normals), blurred)
 
 
 def render_volume(
@@ -183,7 +183,7 @@ def _sampled(field: np.ndarray, points: np.ndarray) -> np.ndarray:
     return ndimage.map_coordinates(field, indices.T, order=1, mode="constant")
 
 
-def _openness(occupied: np.ndarray, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def openness(occupied: np.ndarray, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Ambient occlusion, 0 dark to 1 open: how much of the shape lies above the tangent plane, at three scales."""
     occlusion = np.zeros(len(vertices))
     for sigma in (0.06, 0.14, 0.3):

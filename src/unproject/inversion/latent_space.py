@@ -49,10 +49,10 @@ class LatentSpace:
 
     @classmethod
     @torch.no_grad()
-    def of(cls, generator: Generator, seed: int = 0) -> LatentSpace:
-        """Return the whitened latents of a generator, from those of 4096 codes."""
+    def of(cls, generator: Generator, seed: int = 0, count: int = CODES) -> LatentSpace:
+        """Return the whitened latents of a generator, from those of `count` codes."""
         rng, device = generator_at(seed, 0, "latent space"), next(generator.parameters()).device
-        codes = generator.draw(CODES, rng).to(device)
+        codes = generator.draw(count, rng).to(device)
         parts = (generator.map_code(some).flatten(1) for some in codes.split(AT_ONCE))
         latents = torch.cat([part[:, : part.shape[1] - generator.white].double() for part in parts])
         mean = latents.mean(0)

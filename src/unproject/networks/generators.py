@@ -82,6 +82,10 @@ class Generator(nn.Module, ABC):
         """Draw n codes z ~ N(0, 1), (n, code_size)."""
         return torch.randn(n, self.code_size, generator=rng)
 
+    def codes(self, n: int, seed: int = 0) -> Tensor:
+        """Return the codes (n, code_size) of the samples of this seed."""
+        return torch.cat([self._one_code(seed, i) for i in range(n)])
+
     def at_size(self, code: Tensor, size: int) -> Tensor:
         """Return x = G(z) of `size` a side, as finely as the generator can; most have one size only.
 
@@ -111,7 +115,7 @@ class Generator(nn.Module, ABC):
         batch = batch if size is None else max(min(batch, FINE_VOXELS // max(size, 1) ** 3), 1)
         device = next(self.parameters()).device
         # Batches are always full: neither rounding nor batch statistics may depend on n.
-        codes = torch.cat([self._one_code(seed, i) for i in range(max(n + -n % batch, batch))])
+        codes = self.codes(max(n + -n % batch, batch), seed)
         training = self.training
         self.eval()
         try:

@@ -1,7 +1,8 @@
-"""Kernels in C++, compiled on first use by the system's compiler; without one the same values come from torch.
+"""Kernels in C++: those that came with the package, or compiled on first use; without either, torch has the values.
 
 `kernel("line_integrals", "line_integrals_float")` is a function of `ops/line_integrals.cpp` that takes pointers and
-numbers, or None without a compiler, if compilation fails, or with UNPROJECT_NATIVE=0. A build takes about two seconds
+numbers, or None without a compiler, if compilation fails, or with UNPROJECT_NATIVE=0. A wheel has each kernel for
+several kinds of processors (`_builds`), and the best that this one can run is taken. A build takes about two seconds
 and is cached in the user's cache folder, under a name that changes with the source, the compiler and the processor.
 Each kernel has a plain torch reference, and tests compare the two.
 """
@@ -12,19 +13,19 @@ import ctypes
 import hashlib
 import os
 import platform
-import shutil
 import subprocess
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from .._files import atomic_path
+from . import _builds
 
-FLAGS = ("-O3", "-std=c++17", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
-SECONDS = 120  # for a build on a busy machine
+SHIPPED = Path(__file__).parent / "kernels"
 
 
 def kernel(source: str, name: str) -> Callable[..., None] | None:
@@ -41,22 +42,39 @@ def pointer(x: Tensor) -> ctypes.c_void_p:
 
 @cache
 def _library(source: str) -> Any:
-    compiler = next((path for path in map(shutil.which, ("c++", "g++", "clang++")) if path), None)
+    return _shipped(source) or _compiled(source)
+
+
+def _shipped(source: str) -> Any:
+    """Return the library of a wheel for this processor, or None."""
+    known = list(_builds.CAPABILITIES)
+    capability = torch.backends.cpu.get_cpu_capability()
+    for name in reversed(known[: known.index(capability) + 1] if capability in known else known[:1]):
+        try:
+            return ctypes.CDLL(str(SHIPPED / _builds.shipped_name(source, name)))
+        except OSError:  # not there, or of another system
+            continue
+    return None
+
+
+def _compiled(source: str) -> Any:
+    compiler = _builds.compiler()
     file = Path(__file__).parent / f"{source}.cpp"
     if compiler is None:
         return None
     # Not every compiler supports -march=native.
-    return _built(compiler, file, (*FLAGS, "-march=native")) or _built(compiler, file, FLAGS)
+    return _built(compiler, file, ("-march=native",)) or _built(compiler, file, ())
 
 
 def _built(compiler: str, source: Path, flags: tuple[str, ...]) -> Any:
     try:
-        version = subprocess.run([compiler, "--version"], capture_output=True, timeout=SECONDS, check=True).stdout
-        target = _cache() / f"{source.stem}-{_key(version, *_sources(source), *flags, _processor())}.so"
+        words = [compiler, "--version"]
+        version = subprocess.run(words, capture_output=True, timeout=_builds.SECONDS, check=True).stdout
+        key = _key(version, *_sources(source), *_builds.FLAGS, *flags, _processor())
+        target = _cache() / f"{source.stem}-{key}.so"
         if not target.exists():
             with atomic_path(target) as temporary:
-                command = [compiler, *flags, "-o", str(temporary), str(source)]
-                subprocess.run(command, capture_output=True, timeout=SECONDS, check=True)
+                _builds.compile_kernel(compiler, source, temporary, flags)
         return ctypes.CDLL(str(target))
     except (OSError, subprocess.SubprocessError):
         return None

@@ -39,8 +39,11 @@ struct Shadows {
 
     Shadows(int64_t height, int64_t width, int64_t bins, Borders borders)
         : height(height), width(width), bins(bins),
-          margin(int64_t(std::ceil((std::hypot(double(height), double(width)) / double(width) - 1) / 2 * double(bins))) + 2),
+          margin(int64_t(std::ceil((diagonal(double(height), double(width)) / double(width) - 1) / 2 * double(bins))) + 2),
           borders(borders), start(size_t(width)), share(size_t((borders + 1) * width)) {}
+
+    // Not std::hypot, whose newest version needs a glibc of 2022.
+    static double diagonal(double a, double b) { return std::sqrt(a * a + b * b); }
 
     int64_t buffer() const { return bins + 2 * margin + borders + 1; }
 

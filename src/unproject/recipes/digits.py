@@ -198,7 +198,7 @@ def source_of(data: Path | None, views: Views, scan: Scan) -> Source:
     found = Collection(embedded_digits(scan.size)) if data is None else read(data, scan.size, pictures="images")
     if found.shape[0] != 1:
         raise UserError(f"{data}: holds volumes; images are learned from pictures or line integrals")
-    if found.items.dim() == 3:
+    if len(found.shape) == 2:
         if views == "direct":
             raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
         scale = scale_of(found)

@@ -84,14 +84,14 @@ def pictures_of(
     """
     observations = silhouette_views(silhouette, bins, bands)
     collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed)
-    if collection.items.shape[1] != 1 or is_rendered(collection):
+    if collection.shape[0] != 1 or is_rendered(collection):
         return collection, observations
     some = some_of(collection)
     by_reader = data is not None and Path(data).is_dir()
     if not by_reader and common_fill(some) is None:
         return collection, observations
     cropped = Cropped(silhouette, common_height(some))
-    larger = collection if data is None else read(data, size=2 * collection.items.shape[-1])
+    larger = collection if data is None else read(data, size=2 * collection.shape[-1])
     return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands)
 
 
@@ -143,7 +143,7 @@ def silhouettes_of(
     assert isinstance(silhouette, Silhouette) and silhouette.size is not None
     size = silhouette.size
     collection = read_or_make(data, size)
-    volumetric = collection.items.shape[1:] == (size, size, size)
+    volumetric = collection.shape == (size, size, size)
     if views == "direct":
         if not volumetric:
             raise UserError(
@@ -163,7 +163,7 @@ def read_or_make(data: Path | None, size: int) -> Collection:
         require_memory(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
         return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
     found = read(data, size=size)
-    if found.items.dim() != 4:
+    if len(found.shape) != 3:
         raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
     return found
 

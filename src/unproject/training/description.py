@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,11 @@ import torch
 from torch import Tensor
 
 from ..data import Collection
+from ..data.lazy import Lazy
+from ..data.sampling import spread_rows
+
+LARGE, SOME = 2**28, 1024
+"""Bytes of items in a file beyond which only some are looked at: reading all would take longer than a run's start."""
 
 
 def describe(value: Any) -> Any:
@@ -27,7 +32,7 @@ def describe(value: Any) -> Any:
         return str(value)
     if isinstance(value, Collection):
         # Not its source: the same data may be reached by another path.
-        return {"collection": list(value.items.shape), "sha256": fingerprint(value.items)}
+        return {"collection": [len(value), *value.shape], "sha256": fingerprint(value.stored)}
     if isinstance(value, Tensor):
         return {"tensor": list(value.shape), "sha256": fingerprint(value)}
     if isinstance(value, partial):
@@ -59,7 +64,15 @@ def full_name(value: Any) -> str:
     return f"{module}:{name}" if module and name else f"{type(value).__module__}:{type(value).__qualname__}"
 
 
-def fingerprint(tensor: Tensor) -> str:
-    """Return the SHA-256 of a tensor's values, shortened to 16 digits."""
-    data = tensor.detach().cpu().contiguous().reshape(-1)
-    return hashlib.sha256(data.view(torch.uint8).numpy().tobytes()).hexdigest()[:16]
+def fingerprint(items: Tensor | Lazy) -> str:
+    """Return the SHA-256 of a tensor's values, shortened to 16 digits; of many in a file, of `SOME` of them."""
+    digest = hashlib.sha256()
+    for part in _parts(items):
+        digest.update(part.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().data)
+    return digest.hexdigest()[:16]
+
+
+def _parts(items: Tensor | Lazy) -> Iterable[Tensor]:
+    if isinstance(items, Tensor):
+        return [items]
+    return items.parts() if items.nbytes <= LARGE else [items[spread_rows(len(items), SOME)]]

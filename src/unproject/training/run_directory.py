@@ -14,6 +14,7 @@ import json
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -179,9 +180,10 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _commit() -> str | None:
-    here = Path(__file__).parent
-    answer = subprocess.run(
-        ["git", "-C", str(here), "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
-    )
-    return answer.stdout.strip() or None
+def _commit(root: Path = Path(__file__).parents[3]) -> str | None:
+    """The package's own, in a checkout: an installed package may lie in the repository of somebody's project."""
+    git = shutil.which("git")
+    if git is None or not (root / ".git").exists():
+        return None
+    words = [git, "-C", str(root), "describe", "--always", "--dirty"]
+    return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip() or None

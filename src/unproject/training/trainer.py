@@ -126,7 +126,7 @@ class Trainer:
         recipe, ranks = self.recipe, self.distribution
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         fake = panel.assignment.project(x, rows, latents_rng(recipe.seed, draw, index, ranks.rank))
-        real = panel.panel.batch(rows).to(fake)
+        real = panel.panel.batch(rows, fake.device).to(fake)
         if panel.augmentation is not None:
             rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
             real, fake = panel.augmentation(real, rng), panel.augmentation(fake, rng)

@@ -3,29 +3,36 @@
 Values are bool, uint8 (shares of 255) or float in [0, 1]. Pictures are (N, H, W), (N, C, H, W) or (N, H, W, C) with
 C of 1, 3 or 4; volumes (N, X, Y, Z). Line integrals, in any unit and of any type of number, are (N, D) or (N, 1, D),
 named `lines`, or sinograms (M, D, A), named `sinograms`. Known views may stand beside them as `azimuth` and
-`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π. A .npy file is mapped into
-memory, not read.
+`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π; so may `names` (N,) of items, and
+what was left out as `skipped` and `reasons` (M,). A .npy file, and what is large in an .npz that is not compressed, is
+mapped into memory, not read; pictures of it are resampled by the batch.
 """
 
 from __future__ import annotations
 
 import gzip
 import math
-from collections.abc import Mapping
+import struct
+import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..._pictures import UnusablePicture
+from ..._files import check_regular, check_unpacked
+from ..._pictures import LONGEST, UnusablePicture
 from ..._types import UserError
+from ..lazy import Lazy
 from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .how import How
 from .images import as_images
 from .lines import LINES, SINOGRAMS, count_of_angles, in_radians, lines_of
+from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
@@ -43,69 +50,78 @@ def read_arrays(path: Path, how: How) -> Found:
     arrays = load_arrays(path)
     key = _data_key(path, arrays)
     measured = key in (*LINES, *SINOGRAMS)
-    values = checked_values(arrays[key], f"{path}: {key}", of_pictures=not measured)
+    stored = arrays[key]
+    values = checked_values(stored, f"{path}: {key}", of_pictures=not measured)
     latents = _latents(path, arrays, count_of_angles(key, values))
     if measured:
         return lines_of(path, key, values, latents)
-    found = Found(values, latents=latents, source=str(path))
+    found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
         return found._replace(items=resized_volumes(_volumes(path, key, values), how.size))
     pictures = _channels_first(path, key, values)
+    if isinstance(stored, np.memmap):
+        return _in_file(path, found, pictures, how)
     if how.images:
         return found._replace(items=as_images(pictures, how.size, how.colour), white=white_of(values))
     return _silhouettes(path, found, pictures, how)
 
 
-def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Load every array of a file by its key; "array" if there is one without a name. Nothing is ever unpickled.
+def load_arrays(path: Path) -> Mapping[str, np.ndarray]:
+    """Return the arrays of a file by their keys, "array" if there is one without a name. Nothing is ever unpickled.
+
+    Those of an .npz are read when they are asked for.
 
     Raises:
-        UserError: if the file is missing, truncated or holds Python objects.
+        UserError: if the file is missing, truncated, holds Python objects, or announces far more than it holds.
     """
+    check_regular(path)
     try:
         if ".npz" not in path.suffixes and ".npy" not in path.suffixes:
             return {"array": read_idx(path)}
-        if ".npz" not in path.suffixes:
-            # Copy on write: torch takes only arrays that can be written to, and the file stays as it is.
-            return {"array": np.load(path, mmap_mode="c", allow_pickle=False)}
-        with path.open("rb") as file:
-            loaded = np.load(file, allow_pickle=False)
-            return {key: loaded[key] for key in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
-    except FileNotFoundError:
-        raise UserError(f"{path}: there is no such file; check the path") from None
+        if ".npz" in path.suffixes and zipfile.is_zipfile(path):
+            return StoredArrays(path)
+        # Copy on write: torch takes only arrays that can be written to, and the file stays as it is.
+        return {"array": np.lib.format.open_memmap(path, mode="c")}
+    except UserError:
+        raise
     except Exception as error:  # a damaged file makes zipfile, zlib and numpy's tokenizer raise a dozen kinds
-        raise UserError(f"{path}: {_why(error)}") from None
-
-
-def _why(error: Exception) -> str:
-    if any(words in str(error) for words in ("allow_pickle", "Object arrays", "Python objects")):
-        return "holds Python objects, which are never loaded; save plain arrays of numbers"
-    return f"is damaged or of another format ({' '.join(str(error).split())[:120]}); write or fetch it again"
+        raise UserError(f"{path}: {why_unreadable(error)}") from None
 
 
 def read_idx(path: Path) -> np.ndarray:
     """Read an idx file of bytes, gzipped or not: 0 0 8 d, d sizes as big-endian 32-bit integers, the values."""
-    raw = path.read_bytes()
-    data = bytearray(gzip.decompress(raw) if raw[:2] == b"\x1f\x8b" else raw)  # one that can be written to, for torch
-    if data[:3] != b"\x00\x00\x08" or len(data) < 4:
-        raise ValueError("neither .npz, .npy nor an idx file of bytes")
-    dims = data[3]
-    shape = np.frombuffer(data, ">u4", dims, 4).astype(int)
-    values = np.frombuffer(data, np.uint8, -1, 4 + 4 * dims)
-    if values.size != math.prod(shape.tolist()):
-        raise ValueError(f"announces {' x '.join(map(str, shape))} values and holds {values.size}")
-    return values.reshape(shape)
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+    with gzip.open(path) if packed else path.open("rb") as stream:
+        head = stream.read(4)
+        if head[:3] != b"\0\0\x08" or len(head) < 4:
+            raise ValueError("neither .npz, .npy nor an idx file of bytes")
+        shape = struct.unpack(f">{head[3]}I", stream.read(4 * head[3]))
+        check_unpacked(path, math.prod(shape))
+        values = _up_to(math.prod(shape) + 1, stream)
+    if len(values) != math.prod(shape):
+        held = f"{len(values)}" if len(values) < math.prod(shape) else "more"
+        raise ValueError(f"announces {' x '.join(map(str, shape))} values and holds {held}")
+    return np.frombuffer(values, np.uint8).reshape(shape)
+
+
+def _up_to(count: int, stream: Any) -> bytearray:
+    """So many bytes at most, of a stream that may be endless; in an array that can be written to, for torch."""
+    values = bytearray()
+    while len(values) < count and (part := stream.read(min(2**20, count - len(values)))):
+        values += part
+    return values
 
 
 def _data_key(path: Path, arrays: Mapping[str, np.ndarray]) -> str:
     """The key of the pictures or volumes: one of the known names, else the only array of 3 or 4 axes."""
     named = [key for key in (*VOLUMES, *PICTURES, *LINES, *SINOGRAMS) if key in arrays]
-    found = named or [key for key, value in arrays.items() if value.ndim in (3, 4)]
+    found = named or [key for key, shape in shapes_of(arrays).items() if len(shape) in (3, 4)]
     if len(found) == 1:
         return found[0]
     known = ", ".join((VOLUMES[0], PICTURES[1], PICTURES[3]))
     raise UserError(
-        f"{path}: holds {', '.join(f'{k} {v.shape}' for k, v in arrays.items()) or 'nothing'}, of which "
+        f"{path}: holds {', '.join(f'{k} {v}' for k, v in shapes_of(arrays).items()) or 'nothing'}, of which "
         f"{'several' if found else 'none'} could be the data; save one array (N, H, W) or (N, X, Y, Z) named {known}, "
         f"(N, D) named {LINES[1]} or (M, D, A) named {SINOGRAMS[1]}"
     )
@@ -144,6 +160,23 @@ def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[s
     return in_radians(path, found) or None
 
 
+def _names(arrays: Mapping[str, np.ndarray], count: int) -> Sequence[str] | None:
+    """The names of the items, if there is one for each."""
+    names = _texts(arrays, "names")
+    return names if len(names) == count else None
+
+
+def _skipped(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, str]]:
+    return list(zip(_texts(arrays, "skipped"), _texts(arrays, "reasons"), strict=False))
+
+
+def _texts(arrays: Mapping[str, np.ndarray], key: str) -> list[str]:
+    found = arrays.get(key)
+    if found is None or found.ndim != 1 or found.dtype.kind not in "SU":
+        return []
+    return [text.decode() for text in found.tolist()] if found.dtype.kind == "S" else found.tolist()
+
+
 def _is_volume(values: Tensor) -> bool:
     return values.ndim == 4 and values.shape[1] not in (1, 3, 4) and values.shape[-1] not in (1, 3, 4)
 
@@ -175,6 +208,8 @@ def resized_volumes(volumes: Tensor, size: int | None) -> Tensor:
 
 def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:
     """(N, C, H, W) of (N, H, W), (N, C, H, W) or (N, H, W, C)."""
+    if max(values.shape[1:], default=0) > LONGEST:
+        raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; a side has at most {LONGEST} pixels")
     if values.ndim == 3:
         return values[:, None]
     if values.ndim == 4 and values.shape[1] in (1, 3, 4):
@@ -184,6 +219,25 @@ def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:
     raise UserError(
         f"{path}: {key}: is of shape {tuple(values.shape)}; pictures are (N, H, W), (N, C, H, W) or (N, H, W, C)"
     )
+
+
+def _in_file(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
+    """Pictures that stay in their file: what `as_images` and `_silhouettes` make of them is made by the batch."""
+    white, framing = white_of(pictures), how.framing or AS_GIVEN
+    if how.images:
+        return found._replace(items=Lazy(pictures, change=lambda x: as_images(x, how.size, how.colour)), white=white)
+    size = how.size or max(pictures.shape[2:])
+    if pictures.shape[1:] == (1, size, size) and framing == AS_GIVEN:
+        return found._replace(items=Lazy(pictures), white=white)
+    if framing != AS_GIVEN:  # some may have to be skipped
+        return _silhouettes(path, found, pictures, how)
+    eight_bits = not pictures.is_floating_point()
+
+    def resampled(some: Tensor) -> Tensor:
+        images = torch.stack([frame(x.movedim(0, 2).numpy(), size, AS_GIVEN).image for x in to_floats(some, white)])
+        return to_bytes(images) if eight_bits else images
+
+    return found._replace(items=Lazy(pictures, change=resampled), white=255 if eight_bits else 1)
 
 
 def _silhouettes(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
@@ -209,11 +263,12 @@ def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
     items = torch.stack([*images.values()])
     exact = pictures.is_floating_point() and how.framing.threshold is None
     rows = list(images)
+    names = [f"{row:05d}" for row in rows] if found.names is None else [str(found.names[row]) for row in rows]
     return Found(
         items if exact else to_bytes(items),
-        [f"{row:05d}" for row in rows],
+        names,
         None if found.latents is None else {name: value[rows] for name, value in found.latents.items()},
-        tuple(skipped.items()),
+        (*found.skipped, *skipped.items()),
         str(path),
         1 if exact else 255,
     )

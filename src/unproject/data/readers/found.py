@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..._types import UserError
+from ..lazy import Lazy
 
 CHUNK = 2**24
 """Values that are checked or converted at once, so that memory-mapped arrays are never whole in memory."""
@@ -18,12 +19,17 @@ CHUNK = 2**24
 class Found(NamedTuple):
     """The arguments of `Collection`."""
 
-    items: Tensor
+    items: Tensor | Lazy
     names: Sequence[str] | None = None
     latents: Mapping[str, Tensor] | None = None
     skipped: Sequence[tuple[str, str]] = ()
     source: str = "memory"
     white: int | None = None
+
+    @property
+    def whole(self) -> Tensor:
+        """All items."""
+        return self.items.whole() if isinstance(self.items, Lazy) else self.items
 
     @property
     def kind(self) -> str:
@@ -33,12 +39,14 @@ class Found(NamedTuple):
         return "pictures" if self.items.shape[1] <= 3 else "volumes"
 
 
-def chunks(items: Tensor) -> Sequence[Tensor]:
+def chunks(items: Tensor | Lazy) -> Iterable[Tensor]:
     """The items in pieces of about `CHUNK` values, along the first axis."""
+    if isinstance(items, Lazy):
+        return items.parts()
     return items.split(max(1, CHUNK // max(items[:1].numel(), 1)))
 
 
-def white_of(items: Tensor) -> int:
+def white_of(items: Tensor | Lazy) -> int:
     """The stored value that stands for 1: 255 for uint8 with values above 1, else 1."""
     return 255 if items.dtype == torch.uint8 and any(int(part.max()) > 1 for part in chunks(items)) else 1
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ..._files import paths_below
 from ..._types import UserError
 from .arrays import read_arrays
 from .found import Found, check_size
@@ -37,5 +38,5 @@ def find(path: str | os.PathLike[str], how: How) -> Found:
 
 def holds_only_shapes(path: Path) -> bool:
     """Whether a folder has files of shapes and no picture."""
-    found = {file.suffix.lower() for file in path.rglob("*") if not file.name.startswith(".")}
+    found = {file.suffix.lower() for file in paths_below(path) if not file.name.startswith(".")}
     return bool(found & set(SHAPES)) and not found & set(PICTURES)

@@ -13,6 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from ..._files import paths_below
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
@@ -36,9 +37,8 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
     """
     folder = path / name
-    files = (
-        sorted(f for f in folder.rglob("*") if f.suffix.lower() in (*SUFFIXES, *FLOATING)) if folder.is_dir() else []
-    )
+    below = paths_below(folder) if folder.is_dir() else []
+    files = [file for file in below if file.suffix.lower() in (*SUFFIXES, *FLOATING)]
     if not files:
         raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")
     found: dict[str, Tensor] = {}

@@ -21,11 +21,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..._files import paths_below
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.resampling import interval_shares
 from .arrays import load_arrays
 from .found import Found
+from .stored import shapes_of
 
 SUFFIXES = (".hdr", ".exr", ".npy")
 NOISE = 1e-3  # share of the maximum below zero that filters and lossy compression leave: cut at 0
@@ -59,7 +61,7 @@ def read_probes(
     if found.skipped:
         skipped, total = len(found.skipped), len(found.skipped) + len(found.items)
         warnings.warn(f"{skipped} of {total} light probes skipped, the first: {found.skipped[0][1]}", stacklevel=2)
-    return found.items, list(found.names or ())
+    return found.whole, list(found.names or ())
 
 
 def find_probes(path: str | PathLike[str], height: int | None = None, strict: bool = False) -> Found:
@@ -107,7 +109,7 @@ def _files(path: Path) -> dict[str, Path]:
     """Name → file, of a file or of a folder's probes; hidden files are none."""
     if not path.is_dir():
         return {path.name: path}
-    files = sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES and file.is_file())
+    files = [file for file in paths_below(path) if file.suffix.lower() in SUFFIXES and file.is_file()]
     named = {file.relative_to(path).as_posix(): file for file in files}
     named = {name: file for name, file in named.items() if not any(p.startswith(".") for p in Path(name).parts)}
     if not named:
@@ -120,7 +122,7 @@ def _array_items(path: Path) -> dict[str, np.ndarray]:
     arrays = load_arrays(path)
     probes = arrays.get("probes")
     if probes is None or probes.ndim not in (3, 4) or len(probes) == 0:
-        held = ", ".join(f"{key} {value.shape}" for key, value in arrays.items())
+        held = ", ".join(f"{key} {shape}" for key, shape in shapes_of(arrays).items())
         raise UserError(f"{path}: holds {held or 'nothing'}; save the light probes as `probes` (K, H, W, 3)")
     probes = probes[None] if probes.ndim == 3 else probes
     names = arrays.get("names", np.array([f"{i:05d}" for i in range(len(probes))]))

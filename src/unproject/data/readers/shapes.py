@@ -7,7 +7,9 @@ have z up by default; `archive.npz:chair` selects a class, `archive.npz:chair/te
 
 from __future__ import annotations
 
+import math
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -15,10 +17,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..._files import check_regular, check_unpacked, paths_below
 from ..._types import UserError
 from .arrays import checked_values, load_arrays, read_arrays, resized_volumes
 from .found import Found, to_floats, white_of
 from .how import How
+from .stored import shapes_of
 from .voxelise import normalised, triangles_of, voxelise
 
 UpAxis = Literal["y", "z"]
@@ -43,7 +47,8 @@ def find_volumes(
     """
     path, selector = split_selector(path)
     if path.is_dir():
-        files = sorted(f for f in path.rglob("*") if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
+        below = [file for file in paths_below(path) if file.suffix.lower() in SUFFIXES and file.is_file()]
+        files = [file for file in below if not file.name.startswith(".")]
     elif path.suffix.lower() in SUFFIXES:
         files = [path]
     else:
@@ -64,7 +69,7 @@ def is_shape_archive(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             names = set(archive.namelist())
-    except zipfile.BadZipFile:  # its end looks right and its directory does not; the reader of arrays will say so
+    except Exception:  # its end looks right and its directory does not; the reader of arrays will say so
         return False
     return "shape.npy" in names and bool(names & {"X_train.npy", "X_test.npy", "volume.npy", "voxels.npy"})
 
@@ -106,19 +111,19 @@ def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAx
     if selector or found.items.shape[1] != found.items.shape[-1]:
         wanted = "classes to choose from" if selector else "volumes"
         raise UserError(f"{path}: holds no {wanted}; save them as volume (N, X, Y, Z)")
-    return found._replace(items=turned_up(found.items, up_axis))
+    return found._replace(items=turned_up(found.whole, up_axis))
 
 
 def _selected(
-    path: Path, arrays: dict[str, np.ndarray], classes: tuple[str, ...], split: str
+    path: Path, arrays: Mapping[str, np.ndarray], classes: tuple[str, ...], split: str
 ) -> tuple[Tensor, tuple[str, ...]]:
     """The volumes of some classes of one split and their names, `class_row`."""
     if f"X_{split}" not in arrays:
         splits = ", ".join(name[2:] for name in arrays if name.startswith("X_"))
         raise UserError(f"{path}: has no split {split!r}; it has {splits}")
     known = [str(name) for name in arrays.get("class_names", np.array([]))]
-    labels = arrays.get(f"y_{split}", np.zeros(len(arrays[f"X_{split}"]), dtype=np.int64)).astype(np.int64)
-    there = [known[k] for k in np.unique(labels) if k < len(known)]
+    labels = _labels(path, arrays, split, known)
+    there = [known[k] for k in np.unique(labels) if known]
     for name in classes:
         if name not in there:
             raise UserError(f"{path}: has no class {name!r}; it has {', '.join(there)}")
@@ -128,12 +133,26 @@ def _selected(
     return volumes, tuple(f"{known[labels[r]] if known else 'shape'}_{r:05d}" for r in rows)
 
 
+def _labels(path: Path, arrays: Mapping[str, np.ndarray], split: str, known: list[str]) -> np.ndarray:
+    """The class of each shape of a split: (N,) places in `class_names`."""
+    count = (*shapes_of(arrays)[f"X_{split}"], 0)[0]
+    labels = arrays.get(f"y_{split}", np.zeros(count, dtype=np.int64))
+    fits = labels.shape == (count,) and labels.dtype.kind in "iu" and (labels >= 0).all()
+    if not fits or (known and not (labels < len(known)).all()):
+        raise UserError(
+            f"{path}: y_{split} is {labels.dtype} {labels.shape}; give each of {count} shapes the place of its class "
+            f"among the {len(known)} class_names"
+        )
+    return labels.astype(np.int64)
+
+
 def _unpacked(path: Path, bits: np.ndarray, shape: np.ndarray) -> Tensor:
-    sides = [int(n) for n in np.atleast_1d(shape)][-3:]
-    count = int(np.prod(sides))
     if bits.ndim == 4:
         return checked_values(bits, str(path))
-    if bits.dtype != np.uint8 or bits.ndim != 2 or len(set(sides)) != 1 or bits.shape[1] != -(-count // 8):
+    sides = [int(n) for n in np.atleast_1d(shape).ravel()[-3:]] if shape.dtype.kind in "iu" else []
+    count = math.prod(sides) if len(sides) == 3 and len(set(sides)) == 1 and sides[0] > 0 else 0
+    check_unpacked(path, len(bits) * count if bits.ndim else 0)
+    if bits.dtype != np.uint8 or bits.ndim != 2 or not count or bits.shape[1] != -(-count // 8):
         raise UserError(
             f"{path}: {bits.dtype} {bits.shape} are no bits of grids {sides}; pack with np.packbits(x, axis=1)"
         )
@@ -189,6 +208,7 @@ def read_mesh(file: Path, resolution: int = 32, up_axis: UpAxis = "y") -> Tensor
     # trimesh takes a second to import, and most collections are pictures.
     import trimesh
 
+    check_regular(file)
     try:
         vertices, faces = triangles_of(trimesh.load(file))
     except Exception as error:  # its readers raise whatever their parsers do
@@ -209,18 +229,20 @@ def read_binvox(file: Path) -> Tensor:
     Raises:
         ValueError: if the header or the number of voxels is wrong.
     """
+    check_regular(file)
     head, mark, body = file.read_bytes().partition(b"\ndata\n")
     lines = [line.split() for line in head.split(b"\n")]
     dims = [[int(n) for n in words[1:]] for words in lines if words[:1] == [b"dim"]]
     if lines[0][:1] != [b"#binvox"] or not mark or len(dims) != 1 or len(dims[0]) != 3:
         raise ValueError("unreadable: no binvox header (#binvox, dim, data)")
     depth, height, width = dims[0]
+    check_unpacked(file, max(dims[0]) ** 3)  # a cube
     runs = np.frombuffer(body, np.uint8)[: len(body) // 2 * 2].reshape(-1, 2)
     if runs[:, 1].sum(dtype=np.int64) != depth * height * width:
         raise ValueError(
             f"damaged: {runs[:, 1].sum(dtype=np.int64)} voxels where {depth * height * width} are announced"
         )
-    grid = np.repeat(runs[:, 0] > 0, runs[:, 1]).reshape(depth, width, height).transpose(0, 2, 1)
+    grid = np.repeat((runs[:, 0] > 0).view(np.uint8), runs[:, 1]).reshape(depth, width, height).transpose(0, 2, 1)
     side = max(grid.shape)
     margins = [((side - n) // 2, side - n - (side - n) // 2) for n in grid.shape]
-    return torch.from_numpy(np.pad(grid, margins).astype(np.uint8))
+    return torch.from_numpy(np.pad(grid, margins))

@@ -10,16 +10,19 @@ import warnings
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ..._files import check_regular
 from .arrays import PICTURES, VOLUMES
 from .lines import LINES, SINOGRAMS
 from .paths import holds_only_shapes
 from .pictures import SUFFIXES, picture_files
 from .shapes import is_shape_archive, split_selector
+from .stored import StoredArrays, header_of
 
+PACK = ("names", "skipped", "side")
+"""What a pack says of its files."""
 MOST = 256
 """Files of a folder that are opened, spread evenly over it."""
 
@@ -46,14 +49,17 @@ def side_of(path: str | os.PathLike[str]) -> int | None:
 
 
 def picture_count(path: str | os.PathLike[str]) -> int | None:
-    """Return how many picture files a folder holds; None of what is no folder of pictures.
+    """Return how many picture files a folder holds, or held that was packed; None of what is no folder of pictures.
 
     Examples:
         >>> picture_count("masks.npy") is None
         True
     """
-    folder = Path(path)
-    return len(picture_files(folder)) if folder.is_dir() and not holds_only_shapes(folder) else None
+    path = Path(path)
+    if path.is_dir():
+        return None if holds_only_shapes(path) else len(picture_files(path))
+    columns = _columns_of_pack(path)
+    return None if columns is None else len(columns["names"]) + len(columns["skipped"])
 
 
 def _of_folder(path: Path) -> int | None:
@@ -88,34 +94,35 @@ def _of_binvox(file: Path) -> int | None:
 
 
 def _of_file(path: Path) -> int | None:
+    check_regular(path)
     if path.suffix.lower() == ".binvox":
         return _of_binvox(path)
     if path.suffix == ".npz":
         return _of_npz(path)
     if path.suffix == ".npy":
         with path.open("rb") as stream:
-            return _of_shape(_npy_shape(stream))
+            return _of_shape(header_of(stream)[0])
     return None if path.suffix.lower() in SUFFIXES else _of_shape(_idx_shape(path))
 
 
+def _columns_of_pack(path: Path) -> dict[str, np.ndarray] | None:
+    """Return what a pack says of its files; None of what is no pack."""
+    if path.suffix != ".npz" or not path.is_file() or not zipfile.is_zipfile(path):
+        return None
+    arrays = StoredArrays(path)
+    return {key: arrays[key] for key in PACK} if {*PACK} <= {*arrays} else None
+
+
 def _of_npz(path: Path) -> int | None:
-    with zipfile.ZipFile(path) as archive:
-        if is_shape_archive(path):
-            with archive.open("shape.npy") as stream:
-                return int(np.atleast_1d(np.lib.format.read_array(stream, allow_pickle=False))[-1])
-        shapes = {}
-        for name in archive.namelist():
-            with archive.open(name) as stream:
-                shapes[name.removesuffix(".npy")] = _npy_shape(stream)
+    arrays = StoredArrays(path)
+    if {*PACK} <= {*arrays}:
+        return int(arrays["side"]) or None
+    if is_shape_archive(path):
+        return int(np.atleast_1d(arrays["shape"])[-1])
+    shapes = arrays.shapes
     named = [key for key in (*VOLUMES, *PICTURES) if key in shapes]
     found = named or [key for key, shape in shapes.items() if len(shape) in (3, 4) and key not in (*LINES, *SINOGRAMS)]
     return _of_shape(shapes[found[0]]) if len(found) == 1 else None
-
-
-def _npy_shape(stream: Any) -> tuple[int, ...]:
-    version = np.lib.format.read_magic(stream)
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    return read(stream)[0]
 
 
 def _idx_shape(path: Path) -> tuple[int, ...]:

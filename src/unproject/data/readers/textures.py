@@ -25,6 +25,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from ..._files import paths_below
 from ..._types import UserError
 from ...ops.maps import MAPS, check_maps, pack_maps
 from .arrays import load_arrays
@@ -112,7 +113,7 @@ def _material_folders(path: Path) -> dict[str, Path]:
         raise UserError(f"{path}: there is no such folder; name a folder of texture maps, or an .npz of maps")
     if holds_material(path):
         return {path.name: path}
-    below = sorted(folder for folder in path.rglob("*") if folder.is_dir())
+    below = [folder for folder in paths_below(path) if folder.is_dir()]
     named = {folder.relative_to(path).as_posix(): folder for folder in below if _is_material(folder)}
     named = {name: f for name, f in named.items() if not any(p.startswith((".", "__")) for p in Path(name).parts)}
     return named or {path.name: path}

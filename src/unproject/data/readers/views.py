@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -14,13 +15,13 @@ from ..._types import UserError
 VIEWS = "views.csv"
 
 
-def views_beside(folder: Path, names: tuple[str, ...], skipped: tuple[str, ...]) -> dict[str, Tensor] | None:
+def views_beside(folder: Path, names: Sequence[str], skipped: Sequence[str]) -> dict[str, Tensor] | None:
     """The views of a folder's pictures; None if it has no `views.csv`."""
     file = folder / VIEWS
     return read_views(file, names, skipped) if file.is_file() else None
 
 
-def read_views(file: Path, names: tuple[str, ...], skipped: tuple[str, ...] = ()) -> dict[str, Tensor]:
+def read_views(file: Path, names: Sequence[str], skipped: Sequence[str] = ()) -> dict[str, Tensor]:
     """Read the views of these pictures in radians, name of the latent → (N,), from a table in degrees.
 
     Raises:
@@ -29,11 +30,12 @@ def read_views(file: Path, names: tuple[str, ...], skipped: tuple[str, ...] = ()
     """
     columns, rows = _read_table(file)
     views: dict[str, list[float]] = {}
+    there = {*names, *skipped}
     for line, row in rows:
         name, degrees = _read_row(file, line, row, columns)
         if name in views:
             raise UserError(f"{file}, line {line}: {name} has a row already; keep one")
-        if name not in names and name not in skipped:
+        if name not in there:
             raise UserError(
                 f"{file}, line {line}: there is no picture {name} beside it; fix the name or remove the row"
             )

@@ -1,0 +1,165 @@
+"""Contents: what a run directory says of itself, read without trust: a damaged file is a remark, never an error."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .._types import UserError
+from ..training.checkpoint import list_checkpoints
+from ..training.run_directory import VERDICT, read_recipe
+
+DAMAGED = "damaged or missing"
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What the files of a run hold, as far as they can be read.
+
+    Attributes:
+        path: the run directory.
+        recipe: of recipe.json: `recipe`, `arguments`, `resolved`.
+        environment: of environment.json; empty if it is damaged.
+        lines: the objects of stats.jsonl.
+        verdict: of verdict.json; None if there is none.
+        previews: (step, picture file) over time.
+        step: of the newest checkpoint; 0 if there is none.
+        remarks: what is damaged, missing or unfinished, a sentence each.
+    """
+
+    path: Path
+    recipe: dict[str, Any]
+    environment: dict[str, Any]
+    lines: list[dict[str, Any]]
+    verdict: dict[str, Any] | None
+    previews: list[tuple[int, Path]]
+    step: int
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Return the name of the run's folder."""
+        return self.path.resolve().name or str(self.path)
+
+    @property
+    def seconds(self) -> float:
+        """Return how long it was trained, by its log."""
+        return max((number(line.get("seconds")) or 0.0 for line in self.lines), default=0.0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether its budget is spent: a verdict says so, or else the steps or minutes of recipe.json."""
+        return self.verdict is not None or self.progress >= 1
+
+    @property
+    def progress(self) -> float:
+        """Return the part of recipe.json's budget that is spent."""
+        resolved = self.recipe["resolved"]
+        steps, minutes = number(resolved.get("steps")), number(resolved.get("minutes"))
+        by_step = self.step / steps if steps else 0.0
+        # The last steps are not logged: the log is written every so many.
+        by_time = 1.02 * self.seconds / (60 * minutes) if minutes else 0.0
+        return max(by_step, by_time)
+
+    @property
+    def command(self) -> str | None:
+        """Return the command that began the run, as it would be typed; None if it is not known."""
+        words = self.environment.get("command")
+        if not isinstance(words, list) or not words:
+            return None
+        first = "unproject" if words[0] in ("__main__.py", "unproject") else str(words[0])
+        return " ".join([first, *(shlex.quote(str(word)) for word in words[1:])])
+
+
+def read_contents(path: Path) -> Contents:
+    """Read the files of a run.
+
+    Raises:
+        UserError: if `path` is no run, or its recipe.json is damaged.
+    """
+    remarks: list[str] = []
+    recipe = read_recipe(path)
+    environment = _object(path / "environment.json", remarks) or {}
+    verdict = _object(path / VERDICT, remarks) if (path / VERDICT).exists() else None
+    if verdict is not None and not isinstance(verdict.get("word"), str):
+        remarks.append(f"{VERDICT} is {DAMAGED}: `unproject evaluate` judges the run again.")
+        verdict = None
+    found = list_checkpoints(path / "checkpoints")
+    step = _step(found[-1]) if found else 0
+    contents = Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
+    remarks += _unfinished(contents)
+    return contents
+
+
+def number(value: Any) -> float | None:
+    """Return a finite number as a float, and None of anything else."""
+    fits = isinstance(value, (int, float)) and not isinstance(value, bool)
+    try:
+        return float(value) if fits and math.isfinite(value) else None
+    except OverflowError:  # an integer of hundreds of digits
+        return None
+
+
+def _unfinished(contents: Contents) -> list[str]:
+    if not contents.step:
+        return [
+            "There is no checkpoint yet: the run was stopped before its first weights were stored, or has just begun."
+        ]
+    if not contents.complete:
+        share = min(contents.progress, 0.99)
+        return [
+            f"This run is not finished: {share:.0%} of its budget is spent, so there is no verdict. It was stopped, "
+            "or is still training."
+        ]
+    judged = number((contents.verdict or {}).get("step"))
+    if judged is not None and judged != contents.step:
+        return [f"The verdict is on step {judged:.0f}, the samples are of step {contents.step}."]
+    return []
+
+
+def _object(file: Path, remarks: list[str]) -> dict[str, Any] | None:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        found = None
+    if isinstance(found, dict):
+        return found
+    remarks.append(f"{file.name} is {DAMAGED}.")
+    return None
+
+
+def _lines(path: Path, remarks: list[str]) -> list[dict[str, Any]]:
+    try:
+        texts = (path / "stats.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        remarks.append(f"stats.jsonl is {DAMAGED}: there are no curves.")
+        return []
+    lines, damaged = [], 0
+    for text in texts:
+        try:
+            line = json.loads(text)
+        except (ValueError, RecursionError):
+            line = None
+        if isinstance(line, dict) and number(line.get("step")) is not None:
+            lines.append(line)
+        else:
+            damaged += 1
+    if damaged:
+        remarks.append(f"{damaged} of {len(texts)} lines of stats.jsonl are damaged and left out.")
+    return lines
+
+
+def _previews(path: Path) -> list[tuple[int, Path]]:
+    found = sorted((path / "samples").glob("step-*.png"))
+    return [(_step(file), file) for file in found if file.stem.removeprefix("step-").isdecimal()]
+
+
+def _step(file: Path) -> int:
+    digits = file.stem.removeprefix("step-")
+    if not digits.isdecimal():
+        raise UserError(f"{file}: not named step-NUMBER; remove it, or give it its name back")
+    return int(digits)

@@ -1,0 +1,71 @@
+"""What other systems lack, taken away here: docs/security.md has the list."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from toy import toy
+
+from unproject import _files
+from unproject.ops import _builds, _native
+from unproject.training import resume, run_directory, train
+from unproject.training.estimate import available_memory
+from unproject.training.signals import stop_request
+
+
+def test_without_locks_a_run_is_trained_and_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_directory, "fcntl", None)
+    train(toy(steps=1), tmp_path, quiet=True)
+    assert resume(tmp_path, toy(steps=2), quiet=True).step == 2
+
+
+def test_a_system_that_flushes_only_what_is_open_for_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows, where folders cannot be flushed at all."""
+    flushed = []
+
+    def fsync(descriptor: int) -> None:
+        if fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY:
+            raise OSError(errno.EBADF, "Bad file descriptor")
+        flushed.append(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with _files.atomic_path(tmp_path / "x") as temporary:
+        temporary.write_text("whole")
+    assert (tmp_path / "x").read_text() == "whole" and len(flushed) == 1
+
+
+def test_without_proc_memory_is_not_known_and_the_processor_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = Path.exists
+    monkeypatch.setattr(Path, "exists", lambda self: not str(self).startswith("/proc") and there(self))
+    assert available_memory(torch.device("cpu")) is None
+    assert run_directory._processor()
+    monkeypatch.setattr(Path, "read_text", lambda *words, **more: (_ for _ in ()).throw(FileNotFoundError()))
+    assert _native._processor()
+
+
+def test_wheels_of_other_systems_have_no_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for system in ("Darwin", "Windows"):
+        monkeypatch.setattr(_builds.platform, "system", lambda name=system: name)
+        assert not _builds.can_compile() and _builds.compile_all(Path(_builds.__file__).parent, tmp_path) == []
+
+
+def test_in_a_thread_where_no_signal_can_be_caught_nothing_asks_to_stop() -> None:
+    found: list[Any] = []
+
+    def within() -> None:
+        with stop_request() as asked:
+            found.append(asked())
+
+    thread = threading.Thread(target=within)
+    before = signal.getsignal(signal.SIGTERM)
+    thread.start()
+    thread.join()
+    assert found == [False] and signal.getsignal(signal.SIGTERM) is before
