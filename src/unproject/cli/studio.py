@@ -1,0 +1,34 @@
+"""`unproject studio RUNS_DIR`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ._machine import use_threads
+
+
+def run(
+    folder: Path = Path("runs"),
+    /,
+    *,
+    port: int = 8600,
+    host: str = "127.0.0.1",
+    threads: int | None = None,
+    trust: bool = False,
+) -> None:
+    """Look at runs in a browser: training as it goes, samples, materials, collections, and what is behind a picture.
+
+    The page is served by this machine to this machine alone and loads nothing from elsewhere.
+
+    Args:
+        folder: where runs lie, or one run.
+        port: of the address (0: any that is free).
+        host: the address to listen at. With another one than this machine's own, others can ask too, if they have the
+            token that is printed; what is sent is not encrypted.
+        threads: processor threads (default: all cores).
+        trust: import code of runs although it is not of this package.
+    """
+    from ..studio import serve
+
+    use_threads(threads)
+    serve(folder, host, port, trust)

@@ -1,0 +1,133 @@
+// The page: which panel is open, what the address bar holds, and how panels ask the server.
+import { collectionsPanel } from "/assets/collections.js";
+import { explorePanel } from "/assets/explore.js";
+import { materialsPanel } from "/assets/materials.js";
+import { runsPanel } from "/assets/runs.js";
+
+const PANELS = { runs: ["Runs", runsPanel], explore: ["Explore", explorePanel], materials: ["Materials", materialsPanel], collections: ["Collections", collectionsPanel] };
+const trouble = document.getElementById("trouble");
+let close = () => {};
+
+// An element: make("p.small", "text"), make("button", { onclick }, child, ...). Text is never markup.
+export function make(kind, ...parts) {
+  const [tag, ...classes] = kind.split(".");
+  const made = document.createElement(tag);
+  if (classes.length) made.className = classes.join(" ");
+  for (const part of parts) {
+    if (part && part.constructor === Object) {
+      for (const [name, value] of Object.entries(part)) {
+        if (name.startsWith("on") || name in made) made[name] = value;
+        else made.setAttribute(name, value);
+      }
+    } else if (part !== null && part !== undefined) made.append(part);
+  }
+  return made;
+}
+
+// What the server's own report says is escaped there.
+export function markup(text) {
+  const made = document.createElement("div");
+  made.innerHTML = text;
+  return made;
+}
+
+export function address(path, query = {}) {
+  const given = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== "");
+  return path + (given.length ? `?${new URLSearchParams(given)}` : "");
+}
+
+// JSON from the server; what goes wrong is an Error with its words.
+export async function ask(path, query, options) {
+  let answer;
+  try {
+    answer = await fetch(address(path, query), options);
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Error("The studio does not answer; is it still running?");
+  }
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error || answer.statusText);
+  return found;
+}
+
+export function say(error) {
+  if (error && error.name === "AbortError") return;
+  trouble.textContent = error ? error.message || String(error) : "";
+  trouble.hidden = !error;
+}
+
+export function here() {
+  const [panel, query] = location.hash.replace(/^#\/?/, "").split("?");
+  return { panel: panel in PANELS ? panel : "runs", query: Object.fromEntries(new URLSearchParams(query || "")) };
+}
+
+export const link = (panel, query) => address(`#/${panel}`, query);
+export function go(panel, query) { location.hash = link(panel, query); }
+
+// Keeps what is on screen in the address bar, without a new entry in the history.
+export function keep(changes) {
+  const { panel, query } = here();
+  history.replaceState(null, "", link(panel, { ...query, ...changes }));
+}
+
+// Calls work() now and every so many seconds while the panel is open and seen; returns what stops it.
+export function repeatedly(seconds, work) {
+  let going = true, timer;
+  async function next() {
+    if (!going) return;
+    if (!document.hidden) { try { await work(); } catch (error) { if (going) say(error); } }
+    if (going) timer = setTimeout(next, 1000 * seconds);
+  }
+  next();
+  return () => { going = false; clearTimeout(timer); };
+}
+
+// Calls work(value) with the newest value only, one call at a time: a slider moves faster than meshes are made.
+export function latest(work) {
+  let waiting = null, busy = false;
+  return async function call(value) {
+    waiting = [value];
+    if (busy) return;
+    busy = true;
+    while (waiting) {
+      const [one] = waiting;
+      waiting = null;
+      try { await work(one); say(null); } catch (error) { say(error); }
+    }
+    busy = false;
+  };
+}
+
+function open() {
+  close();
+  say(null);
+  const { panel, query } = here();
+  for (const tab of document.querySelectorAll("#panels a")) {
+    if (tab.dataset.panel === panel) tab.setAttribute("aria-current", "page");
+    else tab.removeAttribute("aria-current");
+  }
+  document.title = `${PANELS[panel][0]} – unproject studio`;
+  const root = document.getElementById("panel");
+  root.replaceChildren();
+  root.className = panel;
+  close = PANELS[panel][1](root, query) || (() => {});
+}
+
+const tabs = document.getElementById("panels");
+Object.entries(PANELS).forEach(([panel, [title]], k) => {
+  const tab = make("a", title, { href: `#/${panel}`, title: `${title} (key ${k + 1})` });
+  tab.dataset.panel = panel;
+  tab.addEventListener("click", (event) => { // the run stays chosen from panel to panel
+    event.preventDefault();
+    const { run } = here().query;
+    go(panel, panel === "runs" ? {} : { run });
+  });
+  tabs.append(tab);
+});
+addEventListener("hashchange", open);
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
+  const panel = Object.keys(PANELS)[Number(event.key) - 1];
+  if (panel) go(panel, panel === "runs" ? {} : { run: here().query.run });
+});
+open();

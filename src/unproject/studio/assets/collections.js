@@ -1,0 +1,74 @@
+// Collections: training pictures by the view that each was assigned, how sure that is, and corrections.
+import { ask, keep, make, say } from "/assets/app.js";
+import { chooseRun } from "/assets/choose.js";
+import { title } from "/assets/explore.js";
+
+export function collectionsPanel(root, query) {
+  if (!query.run) return chooseRun(root, "collections", (run) => run.kind !== "");
+  const at = { panel: Number(query.panel || 0), view: query.view === undefined ? -1 : Number(query.view), page: Number(query.page || 0) };
+  const about = make("p.facts", "reading the pictures …"), panels = make("div.bar"), bars = make("div.views", { role: "group", "aria-label": "views" });
+  const cells = make("div.cells.pictures"), pages = make("div.bar"), correction = make("section", { hidden: true }), skipped = make("section", { hidden: true });
+  root.append(title(query.run), about, panels, make("section", make("h2", "Views"), bars), make("section", make("h2", "Pictures"), make("p.small", "The least sure first. Choose one to correct its view."), cells, pages), correction, skipped);
+  let found = null;
+
+  async function collection() {
+    found = await ask("/api/collection", { run: query.run, panel: at.panel });
+    about.textContent = `${found.pictures.toLocaleString("en")} pictures, ${found.labels.length} ${found.labels.length === 1 ? "view" : "views"}${found.known ? "" : ", predicted"}${found.corrected ? `, ${found.corrected} corrected in views.csv` : ""}; ${found.skipped.length} skipped`;
+    panels.hidden = found.panels.length < 2;
+    panels.replaceChildren(...found.panels.map((name, k) => choice(name, k === at.panel, () => { Object.assign(at, { panel: k, view: -1, page: 0 }); all(); })));
+    const most = Math.max(...found.counts, 1);
+    const every = choice(`all ${found.pictures.toLocaleString("en")}`, at.view < 0, () => { Object.assign(at, { view: -1, page: 0 }); all(); });
+    bars.replaceChildren(every, ...found.labels.map((label, k) => {
+      const bar = make("meter", { min: 0, max: most, value: found.counts[k] });
+      const button = choice("", at.view === k, () => { Object.assign(at, { view: k, page: 0 }); all(); });
+      button.append(make("span", label), bar, make("span", String(found.counts[k])));
+      return button;
+    }));
+    skipped.hidden = !found.skipped.length;
+    skipped.replaceChildren(make("h2", "Skipped"), make("table", ...found.skipped.map(([name, why]) => make("tr", make("td", name), make("td", why)))));
+  }
+  function choice(name, on, chosen) {
+    const button = make("button", { type: "button", "aria-pressed": String(on) }, name);
+    button.onclick = chosen;
+    return button;
+  }
+  async function pictures() {
+    const part = await ask("/api/pictures", { run: query.run, panel: at.panel, view: at.view, page: at.page });
+    cells.replaceChildren(...part.pictures.map((one) => {
+      const label = found.labels[one.view], sure = one.corrected ? "corrected" : one.sure === null ? "" : `${Math.round(100 * one.sure)} %`;
+      const cell = make("button", { type: "button", title: one.name, disabled: !found.correctable }, make("img", { src: one.picture, alt: one.name }), make("span.small", `${label} ${sure}`));
+      if (!one.corrected && one.sure !== null && one.sure < 0.5) cell.classList.add("unsure");
+      cell.onclick = () => edit(one);
+      return cell;
+    }));
+    const count = Math.ceil(part.total / part.page);
+    pages.replaceChildren(...(count > 1 ? [
+      Object.assign(choice("←", false, () => { at.page -= 1; all(); }), { disabled: at.page < 1, ariaLabel: "page before" }),
+      make("span", `page ${at.page + 1} of ${count}`),
+      Object.assign(choice("→", false, () => { at.page += 1; all(); }), { disabled: at.page >= count - 1, ariaLabel: "next page" }),
+    ] : []));
+  }
+  function edit(one) {
+    const select = make("select", { "aria-label": "its view" }, ...found.labels.map((label, k) => make("option", { value: k }, label)));
+    select.value = one.view;
+    const note = make("p.small"), save = make("button", { type: "button" }, "Save its view");
+    save.onclick = async () => {
+      try {
+        const body = JSON.stringify({ run: query.run, panel: at.panel, name: one.name, view: Number(select.value) });
+        const { file } = await ask("/api/view", {}, { method: "POST", body, headers: { "Content-Type": "application/json" } });
+        await refresh();
+        note.textContent = `Saved in ${file}, which holds the views of all pictures. Copy it beside them and train with --views known.`;
+      } catch (error) { say(error); }
+    };
+    correction.replaceChildren(make("h2", one.name), make("div.bar", make("img.pixels.one", { src: one.picture, alt: one.name }), select, save), note);
+    correction.hidden = false;
+    correction.scrollIntoView({ block: "nearest" });
+    select.focus();
+  }
+  async function refresh() { await collection(); await pictures(); say(null); }
+  function all() {
+    keep({ panel: at.panel || "", view: at.view < 0 ? "" : at.view, page: at.page || "" });
+    refresh().catch(say);
+  }
+  all();
+}

@@ -1,0 +1,151 @@
+// Explore: turn a sample, move it along the directions in which samples differ most, go from one pick to another.
+import { ask, keep, latest, make, say } from "/assets/app.js";
+import { chooseRun } from "/assets/choose.js";
+
+export function explorePanel(root, query) {
+  if (!query.run) return chooseRun(root, "explore", () => true);
+  const place = {
+    pick: Number(query.pick || 0), other: query.other === undefined ? null : Number(query.other), mix: Number(query.mix || 0),
+    truncation: Number(query.truncation ?? 1), slides: (query.slides || "").split(",").map((v) => Number(v) || 0),
+  };
+  const asked = () => ({
+    run: query.run, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix,
+    truncation: place.truncation, slides: place.slides.some(Boolean) ? place.slides.join(",") : "",
+  });
+  const stage = make("div.stage"), note = make("p.small", "drawing …"), controls = make("div.controls"), grid = make("div.picks");
+  root.append(title(query.run), make("div.explorer", make("section", stage, note), make("section", controls)), make("section", make("h2", "Samples"), grid));
+  const view = stageView(stage, query);
+
+  const draw = latest(async () => {
+    const began = performance.now();
+    const found = await ask("/api/sample", asked());
+    view.show(found);
+    const about = found.kind === "shapes" ? `${found.items[0].triangles.toLocaleString("en")} triangles, ` : "";
+    note.textContent = `${about}${Math.round(performance.now() - began)} ms. ${found.kind === "picture" ? "" : HOW[found.kind]}`;
+  });
+  function changed() {
+    const { run, ...kept } = asked();
+    keep({ ...kept, truncation: place.truncation === 1 ? "" : place.truncation });
+    draw(null);
+  }
+  fillControls(controls, place, changed);
+  fillGrid(grid, query, place, changed).then((found) => { view.shows = found.kind; }, say);
+  draw(null);
+  return view.close;
+}
+
+const HOW = { shapes: "Drag it, or arrow keys.", materials: "Point at it to move the light, or arrow keys." };
+
+export function title(run, more) {
+  return make("div.bar.title", make("h1", run), make("span", make("a", { href: `#/runs?run=${encodeURIComponent(run)}` }, "about this run"), more));
+}
+
+// What shows a mesh, a material or a picture, whichever comes.
+export function stageView(stage, query) {
+  let shown = null, kind = "";
+  const angles = [Number(query.azimuth ?? 35), Number(query.elevation ?? 20)].map((degrees) => (degrees * Math.PI) / 180);
+  let timer;
+  const turned = (...now) => {
+    [angles[0], angles[1]] = now;
+    clearTimeout(timer); // browsers refuse more than a few changes of the address a second
+    timer = setTimeout(() => keep({ azimuth: Math.round((now[0] * 180) / Math.PI), elevation: Math.round((now[1] * 180) / Math.PI) }), 250);
+  };
+  return {
+    show(found) {
+      if (found.kind !== kind) {
+        kind = found.kind;
+        if (shown && shown.close) shown.close();
+        shown = null;
+        stage.replaceChildren(kind === "picture" ? make("img.pixels", { alt: "a sample" })
+          : make(kind === "materials" ? "canvas.tile" : "canvas", { tabIndex: 0, role: "img", "aria-label": "a sample" }));
+        if (kind === "shapes") { shown = shapeView(stage.firstChild, turned); }
+        if (kind === "materials") { shown = materialView(stage.firstChild, found); }
+      }
+      if (kind === "picture") stage.firstChild.src = found.picture;
+      else shown.show(found.items[0]);
+      if (kind === "shapes") { const [a, e] = angles; shown.turnTo(a, e); }
+    },
+    close() { clearTimeout(timer); if (shown && shown.close) shown.close(); },
+  };
+}
+
+function slider(label, value, low, high, step, moved) {
+  const input = make("input", { type: "range", min: low, max: high, step, value });
+  const shown = make("output", String(value));
+  input.oninput = () => { shown.textContent = input.value; moved(Number(input.value)); };
+  return { row: make("label.slider", make("span", label), input, shown), input, shown };
+}
+
+function fillControls(controls, place, changed) {
+  const sliders = Array.from({ length: 8 }, (_, k) =>
+    slider(`direction ${k + 1}`, place.slides[k] || 0, -3, 3, 0.05, (value) => {
+      for (let i = 0; i <= k; i++) place.slides[i] ||= 0;
+      place.slides[k] = value;
+      changed();
+    }));
+  const truncation = slider("truncation", place.truncation, 0, 1, 0.01, (value) => { place.truncation = value; changed(); });
+  truncation.row.title = "1: as it was generated. 0: the mean of all.";
+  const mix = slider("between the picks", place.mix, 0, 1, 0.01, (value) => { place.mix = value; changed(); });
+  mix.row.id = "mix";
+  mix.row.hidden = place.other === null;
+  const reset = make("button", { type: "button" }, "Reset");
+  reset.onclick = () => {
+    place.slides = [];
+    place.truncation = 1;
+    for (const { input, shown } of sliders) { input.value = 0; shown.textContent = "0"; }
+    truncation.input.value = 1;
+    truncation.shown.textContent = "1";
+    changed();
+  };
+  const says = make("p.small", "Directions in which samples differ most, in standard deviations from the pick.");
+  controls.append(make("h2", "Change it"), mix.row, ...sliders.map((one) => one.row), truncation.row, make("div.bar", reset), says);
+}
+
+export async function fillGrid(grid, query, place, changed) {
+  const second = make("button", { type: "button", "aria-pressed": "false" }, "Go towards another");
+  const pages = make("span"), cells = make("div.cells"), bar = make("div.bar", second, pages);
+  grid.append(bar, cells);
+  const mix = document.getElementById("mix");
+  const mark = () => cells.querySelectorAll("button").forEach((cell) => {
+    cell.setAttribute("aria-pressed", String(Number(cell.value) === place.pick));
+    cell.classList.toggle("other", Number(cell.value) === place.other);
+  });
+  const press = (on) => second.setAttribute("aria-pressed", String(on));
+  second.onclick = () => {
+    if (place.other === null) { press(second.getAttribute("aria-pressed") !== "true"); return; }
+    [place.other, place.mix] = [null, 0];
+    end();
+  };
+  function end() {
+    press(false);
+    mix.hidden = place.other === null;
+    mix.querySelector("input").value = place.mix;
+    mix.querySelector("output").textContent = String(place.mix);
+    second.textContent = place.other === null ? "Go towards another" : "End the way between two";
+    mark();
+    changed();
+  }
+  function pick(number) {
+    if (second.getAttribute("aria-pressed") === "true") [place.other, place.mix] = [number, 0.5];
+    else place.pick = number;
+    end();
+  }
+  async function page(k) {
+    const found = await ask("/api/grid", { run: query.run, page: k });
+    cells.replaceChildren(...found.samples.map((sample) => {
+      const cell = make("button", { type: "button", value: sample.pick, title: `sample ${sample.pick + 1}` },
+        make("img", { src: sample.picture, alt: `sample ${sample.pick + 1}` }));
+      cell.onclick = () => pick(sample.pick);
+      return cell;
+    }));
+    pages.replaceChildren(...Array.from({ length: found.pages }, (_, i) => {
+      const button = make("button", { type: "button", "aria-pressed": String(i === k), "aria-label": `page ${i + 1} of samples` }, String(i + 1));
+      button.onclick = () => page(i).catch(say);
+      return button;
+    }));
+    mark();
+    return found;
+  }
+  if (place.other !== null) second.textContent = "End the way between two";
+  return page(0);
+}

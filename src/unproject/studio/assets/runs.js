@@ -1,0 +1,111 @@
+// Runs: a list with pictures; one run as it trains, or two side by side.
+import { address, ask, go, keep, link, make, markup, repeatedly } from "/assets/app.js";
+
+const LIST_EVERY = 5, RUN_EVERY = 3; // seconds
+
+export function runsPanel(root, query) {
+  return query.run ? showRuns(root, query) : showList(root);
+}
+
+export function budget(run) {
+  const minutes = run.minutes ? `${(run.seconds / 60).toFixed(1)} of ${run.minutes} minutes` : `${(run.seconds / 60).toFixed(1)} minutes`;
+  const steps = run.steps ? `${run.step.toLocaleString("en")} of ${run.steps.toLocaleString("en")} steps` : `${run.step.toLocaleString("en")} steps`;
+  return `${steps}, ${minutes}`;
+}
+
+export function badge(run) {
+  if (run.verdict) return make(`span.word.${run.verdict}`, run.verdict);
+  if (run.training) return make("span.word.training", "training");
+  return make("span.word", run.recipe ? (run.complete ? "no verdict" : "unfinished") : "broken");
+}
+
+function showList(root) {
+  const heading = make("h1", "Runs"), compare = make("button", { type: "button", disabled: true }, "Compare two");
+  const list = make("div.cards"), chosen = new Set();
+  let before = "";
+  root.append(make("div.bar.title", heading, compare), list);
+  compare.onclick = () => { const [run, other] = chosen; go("runs", { run, other }); };
+
+  function card(run) {
+    const box = make("input", { type: "checkbox", checked: chosen.has(run.name), "aria-label": `compare ${run.name}` });
+    box.onchange = () => {
+      if (box.checked) chosen.add(run.name); else chosen.delete(run.name);
+      compare.disabled = chosen.size !== 2;
+    };
+    const seen = run.picture === null ? make("div.blank", run.recipe ? "no picture yet" : "cannot be read")
+      : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240 });
+    const bar = make("progress", { max: 1, value: run.progress || 0, "aria-label": "budget spent" });
+    const about = run.recipe ? [make("p.small", `${run.recipe.split(":").pop()} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
+    const words = run.line ? run.line.replace(/^\w+: /, "") : run.said;
+    return make("article.card", make("a.seen", { href: link("runs", { run: run.name }) }, seen),
+      make("div.about", make("h2", make("a", { href: link("runs", { run: run.name }) }, run.name)),
+        make("p", badge(run), make("label.pick", box, "compare")), ...about, make("p.small.says-so", words)));
+  }
+
+  return repeatedly(LIST_EVERY, async () => {
+    const found = await ask("/api/runs");
+    const now = JSON.stringify(found);
+    if (now === before) return; // leaves the focus and the scroll where they are
+    before = now;
+    heading.textContent = `${found.runs.length} ${found.runs.length === 1 ? "run" : "runs"} in ${found.folder}`;
+    list.replaceChildren(...found.runs.map(card));
+    if (!found.runs.length) list.append(make("p", `There is no run in ${found.folder} yet. unproject train shapes --data my_masks/ --out ${found.folder}/mine makes one.`));
+  });
+}
+
+function showRuns(root, query) {
+  const names = [query.run, query.other].filter(Boolean);
+  const columns = make(names.length > 1 ? "div.side-by-side" : "div");
+  root.append(make("p.back", make("a", { href: "#/runs" }, "← all runs")), columns);
+  const stops = names.map((name, k) => {
+    const column = make("div.run");
+    columns.append(column);
+    return showRun(column, name, k ? "otherstep" : "step", query);
+  });
+  return () => stops.forEach((stop) => stop());
+}
+
+function showRun(column, name, key, query) {
+  const title = make("div.bar.title", make("h1", name)), facts = make("p.facts"), links = make("p.links");
+  const image = make("img.sheet", { alt: `samples of ${name}` }), label = make("output");
+  const slider = make("input", { type: "range", min: 0, step: 1, "aria-label": "step of training" });
+  const samples = make("section", make("h2", "Samples over time"), image, make("div.bar", slider, label));
+  const parts = make("div");
+  let before = "", steps = [], follow = !query[key];
+  column.append(title, facts, links, samples, parts);
+  const draw = () => {
+    const step = steps[Number(slider.value)];
+    samples.hidden = step === undefined;
+    if (step === undefined) return;
+    image.src = address("/api/picture", { run: name, step });
+    label.textContent = `step ${step.toLocaleString("en")}`;
+  };
+  slider.oninput = () => {
+    follow = Number(slider.value) === steps.length - 1;
+    keep({ [key]: follow ? "" : steps[Number(slider.value)] });
+    draw();
+  };
+  return repeatedly(RUN_EVERY, async () => {
+    const run = await ask("/api/run", { run: name });
+    const now = JSON.stringify(run);
+    if (now === before) return;
+    before = now;
+    title.replaceChildren(make("h1", name), badge(run));
+    facts.textContent = `recipe ${run.recipe || "unknown"} · ${run.recipe ? budget(run) : ""}`;
+    links.replaceChildren(...linksOf(run));
+    const at = follow ? run.pictures.length - 1 : run.pictures.indexOf(steps[Number(slider.value)] ?? Number(query[key]));
+    steps = run.pictures;
+    slider.max = Math.max(steps.length - 1, 0);
+    slider.value = at < 0 ? steps.length - 1 : at;
+    draw();
+    const { verdict, curves, views, commands, environment } = run.sections;
+    parts.replaceChildren(...[verdict, curves, views, commands, environment].map(markup));
+  });
+}
+
+const FOR = { volumes: ["explore", "collections", "fit"], images: ["explore", "collections", "fit"], maps: ["explore", "materials", "fit"] };
+const SAYS = { explore: "Explore its samples", collections: "Its pictures and views", materials: "Light its materials", fit: "Fit a picture" };
+
+function linksOf(run) {
+  return run.step ? (FOR[run.kind] || []).map((panel) => make("a", { href: link(panel, { run: run.name }) }, SAYS[panel])) : [];
+}

@@ -1,0 +1,101 @@
+"""Explore: samples to pick from, and the sample at any place of the latents as what the browser draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from .. import export
+from .._types import UserError
+from ..domains import Domain
+from ..ops.maps import unpack_maps
+from ..report.materials import is_material, material_data
+from ..report.pictures import Picture, picture_of
+from ..report.shapes import is_drawable, shape_data
+from ..training import Run
+from .answers import Answer, Request, of_json
+from .space import DIRECTIONS, PICKS, Space
+from .state import State
+
+SHOWN, CELL = 24, 112
+"""Samples on one page of the grid, and pixels of each."""
+FACES = 16_000
+
+
+def space_of(state: State, name: str) -> Space:
+    """Return the space of a run, made once for each checkpoint."""
+    run = state.opened(name)
+    return state.kept(("space", name, run.step), lambda: Space.of(run), 3)
+
+
+def show_grid(state: State, request: Request) -> Answer:
+    """Answer with samples to pick from, a page of them, and how many sliders there are."""
+    name, page = request.text("run"), request.whole("page", 0, 0, PICKS // SHOWN - 1)
+
+    def grid() -> dict[str, Any]:
+        run = state.opened(name)
+        x = state.kept(("samples", name, run.step, page), lambda: _samples(run, page), 16)
+        return {
+            "kind": run.domain.name,
+            "step": run.step,
+            "pages": PICKS // SHOWN,
+            "sliders": DIRECTIONS,
+            "formats": sorted(run.domain.exporters),
+            "samples": [{"pick": page * SHOWN + k, "picture": uri} for k, uri in enumerate(_thumbnails(run.domain, x))],
+        }
+
+    return of_json(state.compute(grid))
+
+
+def _samples(run: Run, page: int) -> Tensor:
+    return run.sample((page + 1) * SHOWN, seed=0, largest_part=True)[page * SHOWN :]
+
+
+def _thumbnails(domain: Domain, x: Tensor) -> list[str]:
+    return [thumbnail(domain, one[None]).uri for one in x]
+
+
+def thumbnail(domain: Domain, x: Tensor) -> Picture:
+    """Return a small picture of one sample (1, ...)."""
+    if is_drawable(x) and domain.name == "volume":
+        return picture_of(export.gallery(x, size=CELL, columns=1), "a shape")
+    if is_material(domain, x):
+        lit = unpack_maps(x)["diffuse"].clamp(0, 1) ** (1 / 2.2)
+        return picture_of(export.picture_sheet(lit, columns=1), "a material", CELL)
+    if domain.name == "image":
+        return picture_of(export.picture_sheet(x, columns=1, cell=CELL), "an image", CELL)
+    return picture_of(domain.preview(x), "a sample", CELL)
+
+
+def show_sample(state: State, request: Request) -> Answer:
+    """Answer with the sample at a place: a mesh, maps or a picture."""
+    name = request.text("run")
+    return of_json(state.compute(lambda: drawn(space_of(state, name), request)))
+
+
+def drawn(space: Space, request: Request) -> dict[str, Any]:
+    """Return what the browser draws of the sample at the place of a request."""
+    x, domain = at_place(space, request), space.run.domain
+    if domain.name == "volume" and is_drawable(x):
+        found = shape_data(x, 1, FACES)
+        if not found["items"]:
+            raise UserError("nothing is to be seen of this one; choose another, or move the sliders back")
+        return found
+    if is_material(domain, x):
+        return material_data(x, domain, 1)  # pyright: ignore[reportArgumentType]
+    return {"kind": "picture", "picture": large(domain, x).uri}
+
+
+def at_place(space: Space, request: Request) -> Tensor:
+    """Return the sample (1, ...) at the place of a request, in one part."""
+    return space.run.domain.largest_part(space.samples(space.place(request)))
+
+
+def large(domain: Domain, x: Tensor) -> Picture:
+    """Return one sample (1, ...) as a picture that fills a panel."""
+    if domain.name == "image" and x.dim() == 4:
+        with torch.no_grad():
+            return picture_of(export.picture_sheet(x, columns=1, cell=512), "an image")
+    return picture_of(domain.preview(x), "a sample")

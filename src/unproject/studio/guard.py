@@ -1,0 +1,70 @@
+"""Guard: who may ask. A page of another site, open in the same browser, must neither read nor start anything.
+
+Its requests carry that site's name as Origin; if its name was made to lead to this machine (DNS rebinding), they carry
+that name as Host. Both are refused. Whoever asks from another machine needs the token.
+"""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+
+COOKIE = "unproject-studio"
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+EVERYWHERE = ("0.0.0.0", "::")
+
+
+def authority(host: str, port: int) -> str:
+    """Return `host:port` as a browser writes it.
+
+    Examples:
+        >>> authority("::1", 8000)
+        '[::1]:8000'
+    """
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What a request must say.
+
+    Attributes:
+        hosts: the names that Host may be; None for any, as for a server that listens everywhere.
+        token: what the cookie must hold; None on the loopback.
+    """
+
+    hosts: frozenset[str] | None
+    token: str | None = None
+
+    @classmethod
+    def of(cls, host: str, port: int, token: str | None) -> Guard:
+        """Return the guard of a server that listens there."""
+        names = {host, *LOOPBACK}
+        return cls(None if host in EVERYWHERE else frozenset(authority(name, port) for name in names), token)
+
+    def refusal(self, headers: Mapping[str, str]) -> str | None:
+        """Return why a request with these headers is refused; None if it may be answered."""
+        host, origin = headers.get("Host", ""), headers.get("Origin")
+        if self.hosts is not None and host.lower() not in self.hosts:
+            return "this address is not the studio's; open the one that `unproject studio` printed"
+        if origin is not None and origin.lower() != f"http://{host.lower()}":
+            return "asked by a page of another site"
+        if headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
+            return "asked by a page of another site"
+        if self.token is not None and not self.knows(_cookie(headers)):
+            return "the token is missing; open the address that `unproject studio` printed"
+        return None
+
+    def knows(self, token: str) -> bool:
+        """Whether this is the token."""
+        return self.token is not None and hmac.compare_digest(token.encode(), self.token.encode())
+
+
+def _cookie(headers: Mapping[str, str]) -> str:
+    try:
+        found = SimpleCookie(headers.get("Cookie", "")).get(COOKIE)
+    except CookieError:
+        return ""
+    return found.value if found else ""

@@ -1,0 +1,49 @@
+"""Routes: which function answers which address."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.resources import files
+
+from . import collections, explore, materials, runs
+from .answers import Answer, Missing, Request, tagged
+from .state import State
+
+Route = Callable[[State, Request], Answer]
+
+KINDS = {"html": "text/html; charset=utf-8", "css": "text/css; charset=utf-8", "js": "text/javascript; charset=utf-8"}
+OWN = ("app.js", "studio.css", "runs.js", "explore.js", "choose.js", "materials.js", "collections.js")
+REPORT = ("viewer.js", "shapes.js", "materials.js", "page.css")
+"""Files of the page: its own, and those that the report has too."""
+
+
+def _file(package: str, name: str) -> Route:
+    def answer(state: State, request: Request) -> Answer:
+        content = (files(package) / "assets" / name).read_bytes()
+        return tagged(Answer(content, KINDS[name.rpartition(".")[2]]), request)
+
+    return answer
+
+
+def _favicon(state: State, request: Request) -> Answer:
+    raise Missing("the studio has no icon")
+
+
+ROUTES: Mapping[tuple[str, str], Route] = {
+    ("GET", "/"): _file("unproject.studio", "studio.html"),
+    ("GET", "/favicon.ico"): _favicon,
+    **{("GET", f"/assets/{name}"): _file("unproject.studio", name) for name in OWN},
+    **{("GET", f"/assets/report/{name}"): _file("unproject.report", name) for name in REPORT},
+    ("GET", "/api/runs"): runs.list_runs,
+    ("GET", "/api/run"): runs.show_run,
+    ("GET", "/api/picture"): runs.picture,
+    ("GET", "/api/grid"): explore.show_grid,
+    ("GET", "/api/sample"): explore.show_sample,
+    ("GET", "/api/maps"): materials.show_maps,
+    ("GET", "/api/render"): materials.render,
+    ("POST", "/api/light"): materials.add_light,
+    ("GET", "/api/collection"): collections.show_collection,
+    ("GET", "/api/pictures"): collections.show_pictures,
+    ("POST", "/api/view"): collections.correct,
+}
+"""(method, path) → what answers."""

@@ -1,0 +1,129 @@
+"""Runs: the list with pictures, budgets and verdicts; one run as it is now, while it trains too."""
+
+from __future__ import annotations
+
+import io
+import time
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from .._types import UserError
+from ..report.contents import Contents, number, read_contents
+from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
+from .answers import Answer, Missing, Request, of_json, tagged
+from .state import State
+
+STILL = 120.0
+"""Seconds without a line in the log after which a run counts as stopped."""
+THUMBNAIL = 240
+WEBP = "image/webp"
+
+
+def list_runs(state: State, request: Request) -> Answer:
+    """Answer with all runs, the newest first: name, recipe, budget, verdict, picture, or what is wrong."""
+    found = [{**_summary(state, name), "training": False} for name in state.folder.names()]
+    for run in found:
+        run["training"] = _trains(run)
+    found.sort(key=lambda run: -run["changed"])
+    return tagged(of_json({"folder": str(state.folder.given), "runs": found}), request)
+
+
+def _trains(summary: dict[str, Any]) -> bool:
+    """Whether a run is being written: its budget is not spent, and its log grew a moment ago."""
+    return not summary.get("complete", True) and time.time() - summary["changed"] < STILL
+
+
+def _summary(state: State, name: str) -> dict[str, Any]:
+    try:
+        path = state.folder.run(name)
+        changed = _changed(path)
+        return state.kept(("summary", name, changed), lambda: _read(path, name, changed), 4096)
+    except (UserError, Missing, OSError) as error:
+        return {"name": name, "changed": 0.0, "said": " ".join(str(error).split()), "picture": None}
+
+
+def _changed(path: Path) -> float:
+    """Return when a run was written last: a new line, picture or verdict is a new state of it."""
+    files = (path / name for name in ("stats.jsonl", "samples", "verdict.json", "recipe.json", "checkpoints"))
+    return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
+
+
+def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
+    contents = read_contents(path)
+    verdict = contents.verdict or {}
+    resolved = contents.recipe["resolved"]
+    return {
+        "name": name,
+        "changed": changed,
+        "recipe": contents.recipe["recipe"],
+        "kind": kind_of(contents),
+        "step": contents.step,
+        "steps": number(resolved.get("steps")),
+        "minutes": number(resolved.get("minutes")),
+        "seconds": contents.seconds,
+        "progress": min(contents.progress, 1.0) if not contents.complete else 1.0,
+        "complete": contents.complete,
+        "verdict": str(verdict.get("word", "")),
+        "line": str(verdict.get("line", "")),
+        "picture": contents.previews[-1][0] if contents.previews else None,
+        "said": " ".join(contents.remarks),
+    }
+
+
+def kind_of(contents: Contents) -> str:
+    """Return "volumes", "images" or "maps"; "" of a generator of the user's own, whose code is not imported."""
+    try:
+        module, _, name = str(contents.recipe["resolved"]["generator"]["call"]).partition(":")
+        return getattr(import_module(module), name).domain if module.startswith("unproject.") else ""
+    except (KeyError, TypeError, ImportError, AttributeError):
+        return ""
+
+
+def show_run(state: State, request: Request) -> Answer:
+    """Answer with one run as it is now: sections of its report, and the steps of which there are pictures."""
+    name = request.text("run")
+    path = state.folder.run(name)
+    summary = _summary(state, name)
+    contents = read_contents(path)
+    sections = {
+        "verdict": verdict_section(contents),
+        "curves": curves_section(contents),
+        "views": views_section(contents),
+        "commands": commands_section(contents),
+        "environment": environment_section(contents),
+    }
+    training = _trains(summary)
+    steps = [step for step, _ in contents.previews]
+    return tagged(of_json({**summary, "training": training, "pictures": steps, "sections": sections}), request)
+
+
+def picture(state: State, request: Request) -> Answer:
+    """Answer with the picture of samples/ at a step, or the newest; small if `small` is given."""
+    name, small = request.text("run"), "small" in request.query
+    path = state.folder.run(name) / "samples"
+    step = request.text("step", "")
+    files = [file for file in sorted(path.glob("step-*.png")) if file.stem[5:].isdecimal()]
+    found = [file for file in files if step in ("", str(int(file.stem[5:])))]
+    if not found:
+        raise Missing(f"{name}: there is no such picture in samples/")
+    file = found[-1]
+    key = ("picture", name, file.name, file.stat().st_mtime, small)
+    return tagged(Answer(state.kept(key, lambda: _webp(file, small)), WEBP), request)
+
+
+def _webp(file: Path, small: bool) -> bytes:
+    """Return a preview as WebP; a small one is the upper left square of it, where samples begin."""
+    try:
+        with Image.open(file) as opened:
+            shown = opened.convert("RGB")
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise UserError(f"{file.name}: damaged ({error}); the run goes on without it") from None
+    if small:
+        side = min(shown.size)
+        shown = shown.crop((0, 0, side, side)).resize((THUMBNAIL, THUMBNAIL), Image.Resampling.LANCZOS)
+    content = io.BytesIO()
+    shown.save(content, "WEBP", quality=80)
+    return content.getvalue()

@@ -1,0 +1,170 @@
+"""The server: requests in, answers out; everything that others could abuse is refused here."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+import traceback
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, urlsplit
+
+from .._types import UserError
+from .answers import POLICY, Answer, Busy, Missing, Request, of_json
+from .guard import COOKIE, LOOPBACK, Guard, authority
+from .routes import ROUTES
+from .state import State
+
+LARGEST = 40_000_000
+"""Bytes that may be sent to the studio at once: a picture, or a light probe."""
+PATIENCE = 30
+"""Seconds after which a connection that sends nothing is closed."""
+
+
+class Studio(ThreadingHTTPServer):
+    """The server of the studio.
+
+    Args:
+        folder: where runs lie; nothing else is shown.
+        host: where to listen. Others than this machine may ask if it is no loopback address, with the token.
+        port: 0 for any that is free.
+        trust: import code of runs outside this package.
+
+    Attributes:
+        address: to open in a browser, with the token if there is one.
+
+    Raises:
+        UserError: if there is no such folder, or the port is taken.
+
+    Examples:
+        >>> import pathlib
+        >>> pathlib.Path("runs").mkdir(exist_ok=True)
+        >>> studio = Studio("runs", port=0)
+        >>> studio.address.startswith("http://127.0.0.1:")
+        True
+        >>> studio.server_close()
+    """
+
+    daemon_threads = True
+
+    def __init__(
+        self, folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 0, trust: bool = False
+    ) -> None:
+        self.state = State(Path(folder), trust)
+        if ":" in host:
+            import socket
+
+            self.address_family = socket.AF_INET6
+        try:
+            super().__init__((host, port), Handler)
+        except (OSError, OverflowError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise UserError(f"--host {host} --port {port}: {why}; give another port, or --port 0 for any") from None
+        taken = int(self.server_address[1])
+        token = None if host in LOOPBACK else secrets.token_urlsafe(24)
+        self.guard = Guard.of(host, taken, token)
+        self.address = f"http://{authority(host, taken)}/" + ("" if token is None else f"?token={token}")
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of connections that break off: browsers do that all the time."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    server: Studio  # pyright: ignore[reportIncompatibleVariableOverride]
+    protocol_version = "HTTP/1.1"
+    server_version = "unproject"
+    sys_version = ""
+    timeout = PATIENCE
+
+    def do_GET(self) -> None:
+        self._answer("GET")
+
+    def do_POST(self) -> None:
+        self._answer("POST")
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Keep quiet: the terminal is for what goes wrong."""
+
+    def _answer(self, method: str) -> None:
+        address = urlsplit(self.path)
+        query = dict(parse_qsl(address.query, keep_blank_values=True))
+        if method == "GET" and address.path == "/" and self.server.guard.knows(query.get("token", "")):
+            cookie = f"{COOKIE}={query['token']}; HttpOnly; SameSite=Strict; Path=/"
+            self._send(Answer(b"", "text/plain", 303, {"Location": "/", "Set-Cookie": cookie}))
+            return
+        refused = self.server.guard.refusal(self.headers)  # pyright: ignore[reportArgumentType]
+        if refused:
+            self.close_connection = True  # what was sent along is not read
+            self._send(of_json({"error": refused}, 403))
+            return
+        body = self._body() if method == "POST" else b""
+        if body is None:
+            self.close_connection = True
+            self._send(of_json({"error": f"send at most {LARGEST // 1_000_000} MB, and say how many bytes"}, 413))
+            return
+        request = Request(query, body, self.headers.get("If-None-Match"))
+        self._send(respond(self.server.state, method, address.path, request))
+
+    def _body(self) -> bytes | None:
+        """Return what was sent; None if it is too long, or does not say how long it is."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > LARGEST or "Transfer-Encoding" in self.headers:
+            return None
+        return self.rfile.read(int(length))
+
+    def _send(self, answer: Answer) -> None:
+        self.send_response(answer.status)
+        headers = {
+            "Content-Type": answer.kind,
+            "Content-Length": str(len(answer.content)),
+            "Content-Security-Policy": POLICY,
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cache-Control": "no-store",
+        }
+        for name, value in {**headers, **answer.headers}.items():
+            self.send_header(name, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        if answer.status != 304:
+            self.wfile.write(answer.content)
+
+
+def respond(state: State, method: str, path: str, request: Request) -> Answer:
+    """Return the answer to a request that may be asked, whatever goes wrong."""
+    route = ROUTES.get((method, path))
+    if route is None:
+        return of_json({"error": f"there is no {method} {path}"}, 404)
+    try:
+        return route(state, request)
+    except Missing as error:
+        return of_json({"error": str(error)}, 404)
+    except Busy as error:
+        return of_json({"error": str(error)}, 503)
+    except (UserError, ValueError, OSError) as error:
+        return of_json({"error": " ".join(str(error).split()) or type(error).__name__}, 400)
+    except Exception as error:  # a part of the user's own may fail in any way; the studio goes on
+        traceback.print_exc()
+        return of_json({"error": f"{type(error).__name__}: {error}"}, 500)
+
+
+def serve(folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 8600, trust: bool = False) -> None:
+    """Show the runs of a folder until Ctrl-C.
+
+    Raises:
+        UserError: if there is no such folder, or the port is taken.
+    """
+    with Studio(folder, host, port, trust) as studio:
+        print(f"studio: {studio.address}  (Ctrl-C ends it)", flush=True)
+        try:
+            studio.serve_forever()
+        except KeyboardInterrupt:
+            print()

@@ -1,0 +1,113 @@
+"""Explore: what is drawn at a place of the latents is what the run would sample there."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from unproject.domains import Images
+from unproject.networks import Generator, ImageGenerator
+from unproject.studio.answers import Request
+from unproject.studio.space import DIRECTIONS, PICKS, Space, slerp
+from unproject.studio.state import State
+from unproject.training import Run
+
+Said = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def space() -> Space:
+    torch.manual_seed(0)
+    generator = ImageGenerator(size=16, code_size=8, channels=16).eval()
+    return Space.of(Run(Path("run"), generator, 1, Images()))
+
+
+def test_a_pick_is_the_sample_of_that_number(space: Space) -> None:
+    x = space.run.sample(4)
+    found = space.samples(space.place(Request({"pick": "3"})))
+    assert (found[0] - x[3]).abs().max() < 0.02
+
+
+def test_truncation_ends_at_the_mean_for_every_pick(space: Space) -> None:
+    places = [space.place(Request({"pick": str(k), "truncation": "0"})) for k in (0, 5)]
+    assert places[0].equal(places[1]) and not places[0].any()
+
+
+def test_the_ends_of_the_way_are_the_picks(space: Space) -> None:
+    for mix, pick in ((0, 2), (1, 7)):
+        found = space.place(Request({"pick": "2", "other": "7", "mix": str(mix)}))[0]
+        assert torch.allclose(found, space.picks[pick], atol=1e-5)
+
+
+def test_what_lies_between_is_as_usual_as_the_picks() -> None:
+    a, b = torch.randn(2, 256, generator=torch.manual_seed(0))
+    assert abs(slerp(a, b, 0.5).norm() - (a.norm() + b.norm()) / 2) < 1e-3
+
+
+def test_a_slider_moves_along_its_direction_only(space: Space) -> None:
+    before, after = (space.place(Request({"slides": slides}))[0] for slides in ("0", "0,2"))
+    assert torch.allclose(after - before, 2 * space.directions[1], atol=1e-5)
+    assert torch.allclose(space.directions @ space.directions.T, torch.eye(len(space.directions)), atol=1e-4)
+
+
+class Stretched(Generator):
+    """Images of which entry 5 of the code changes a lot, and entry 2 a little."""
+
+    domain = "images"
+
+    def __init__(self) -> None:
+        super().__init__(8)
+        self.scale = nn.Parameter(torch.tensor([0, 0, 1.0, 0, 0, 9.0, 0, 0]))
+
+    def forward(self, code: Tensor) -> Tensor:
+        return (code * self.scale).view(-1, 1, 2, 4)
+
+
+def test_the_first_direction_is_that_in_which_samples_differ_most() -> None:
+    found = Space.of(Run(Path("run"), Stretched().eval(), 1, Images()))
+    w = found.directions[:2] @ found.latents.axes
+    assert w[0].abs().argmax() == 5 and w[0].abs()[5] / w[0].norm() > 0.95
+    assert w[1].abs().argmax() == 2
+
+
+WRONG = {
+    "pick": {"pick": PICKS},
+    "half a pick": {"pick": 0.5},
+    "other": {"other": -1},
+    "mix": {"mix": 2},
+    "truncation": {"truncation": "nan"},
+    "too many slides": {"slides": ",".join(["0"] * (DIRECTIONS + 1))},
+    "a far slide": {"slides": "1e9"},
+    "no number": {"slides": "a,b"},
+}
+
+
+@pytest.mark.parametrize("query", WRONG.values(), ids=list(WRONG))
+def test_a_place_that_is_none_is_refused(runs: Path, said: Said, query: dict[str, object]) -> None:
+    status, answer = said(State(runs), "/api/sample", run="toy", **query)
+    assert status == 400 and answer["error"]
+
+
+def test_the_grid_shows_samples_of_the_run(runs: Path, said: Said) -> None:
+    status, found = said(State(runs), "/api/grid", run="toy", page=1)
+    assert (status, found["kind"], found["sliders"]) == (200, "volume", DIRECTIONS)
+    assert [sample["pick"] for sample in found["samples"]] == list(range(24, 48))
+    assert base64.b64decode(found["samples"][0]["picture"].partition(",")[2])[8:12] == b"WEBP"
+
+
+def test_a_sample_is_drawn_or_said_to_be_empty(runs: Path, said: Said) -> None:
+    status, found = said(State(runs), "/api/sample", run="toy")
+    assert found.get("kind") == "shapes" if status == 200 else "nothing is to be seen" in found["error"]
+
+
+def test_a_run_without_checkpoint_says_so(runs: Path, tmp_path: Path, said: Said) -> None:
+    (tmp_path / "new" / "checkpoints").mkdir(parents=True)
+    (tmp_path / "new" / "recipe.json").write_text((runs / "toy" / "recipe.json").read_text())
+    status, found = said(State(tmp_path), "/api/sample", run="new")
+    assert status == 400 and "no checkpoint" in found["error"]

@@ -1,0 +1,209 @@
+"""The studio's server: closed to others, reads nothing but runs, bounded, and says what is wrong with a run."""
+
+from __future__ import annotations
+
+import http.client
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from unproject.cli import main
+from unproject.studio import Studio
+from unproject.studio.answers import Busy
+from unproject.studio.server import LARGEST
+from unproject.studio.state import State
+from unproject.studio.worker import Worker
+
+Said = Callable[..., tuple[int, dict[str, Any]]]
+TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
+
+
+@contextmanager
+def served(folder: Path, host: str = "127.0.0.1") -> Iterator[Studio]:
+    with Studio(folder, host, 0) as studio:
+        thread = threading.Thread(target=studio.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield studio
+        studio.shutdown()
+        thread.join()
+
+
+def ask(studio: Studio, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Any:
+    """(status, headers, content) of a request."""
+    connection = http.client.HTTPConnection("127.0.0.1", studio.server_address[1], timeout=60)
+    connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+    answer = connection.getresponse()
+    content = answer.read()
+    connection.close()
+    return answer.status, dict(answer.getheaders()), content
+
+
+# The list, and a run
+
+
+def test_the_list_tells_of_each_run(runs: Path, said: Said) -> None:
+    status, found = said(State(runs), "/api/runs")
+    (run,) = found["runs"]
+    assert status == 200
+    assert (run["name"], run["step"], run["complete"], run["kind"]) == ("toy", 2, True, "volumes")
+
+
+def test_a_run_is_shown_with_the_sections_of_its_report(runs: Path, said: Said) -> None:
+    _, run = said(State(runs), "/api/run", run="toy")
+    assert "unproject resume" in run["sections"]["commands"]
+    assert run["training"] is False
+
+
+def test_the_folder_may_be_a_run(runs: Path, said: Said) -> None:
+    _, found = said(State(runs / "toy"), "/api/runs")
+    assert [run["name"] for run in found["runs"]] == ["."]
+    assert said(State(runs / "toy"), "/api/run", run=".")[0] == 200
+
+
+def test_what_is_there_already_is_not_sent_again(runs: Path) -> None:
+    with served(runs) as studio:
+        _, headers, _ = ask(studio, "/api/runs")
+        status, _, content = ask(studio, "/api/runs", If_None_Match=headers["ETag"])
+    assert (status, content) == (304, b"")
+
+
+@pytest.mark.parametrize("path", ["/", "/assets/app.js", "/assets/studio.css", "/assets/report/shapes.js"])
+def test_the_page_and_its_files_load_nothing_from_elsewhere(runs: Path, path: str) -> None:
+    with served(runs) as studio:
+        status, headers, content = ask(studio, path)
+    assert status == 200
+    assert headers["Content-Security-Policy"].startswith("default-src 'self'")
+    assert b"http://" not in content and b"https://" not in content
+
+
+# Others are kept out
+
+
+FOREIGN = {
+    "host of another site": {"Host": "evil.example"},
+    "host with another port": {"Host": "127.0.0.1:1"},
+    "origin of another site": {"Origin": "http://evil.example"},
+    "origin null": {"Origin": "null"},
+    "another site, by the browser": {"Sec_Fetch_Site": "cross-site"},
+}
+
+
+@pytest.mark.parametrize("headers", FOREIGN.values(), ids=list(FOREIGN))
+@pytest.mark.parametrize("method", ["GET", "POST"])
+def test_another_site_is_refused(runs: Path, headers: dict[str, str], method: str) -> None:
+    with served(runs) as studio:
+        status, _, content = ask(studio, "/api/runs", method, b"{}" if method == "POST" else None, **headers)
+    assert status == 403
+    assert b"toy" not in content
+
+
+def test_the_own_page_is_answered(runs: Path) -> None:
+    with served(runs) as studio:
+        own = f"http://127.0.0.1:{studio.server_address[1]}"
+        assert ask(studio, "/api/runs", Origin=own, Sec_Fetch_Site="same-origin")[0] == 200
+        assert studio.address == f"{own}/"
+
+
+def test_another_machine_needs_the_token(runs: Path) -> None:
+    with served(runs, "0.0.0.0") as studio:
+        token = studio.address.partition("token=")[2]
+        assert len(token) >= 32
+        assert ask(studio, "/api/runs")[0] == 403
+        assert ask(studio, "/?token=wrong")[0] == 403
+        status, headers, _ = ask(studio, f"/?token={token}")
+        assert (status, headers["Location"]) == (303, "/")
+        cookie = headers["Set-Cookie"]
+        assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
+        assert ask(studio, "/api/runs", Cookie=cookie.partition(";")[0])[0] == 200
+        assert ask(studio, "/api/runs", Cookie="unproject-studio=wrong")[0] == 403
+
+
+@pytest.mark.parametrize("name", ["..", "../secret", "/etc", "toy/../../secret", "a\0b", "x" * 5000, "linked"])
+def test_nothing_outside_the_folder_is_read(tmp_path: Path, name: str, said: Said) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "secret").mkdir()
+    (tmp_path / "secret" / "recipe.json").write_text('{"recipe": "x", "arguments": {}, "resolved": {}}')
+    (tmp_path / "runs" / "linked").symlink_to(tmp_path / "secret")
+    state = State(tmp_path / "runs")
+    assert said(state, "/api/runs")[1]["runs"] == []
+    for path in ("/api/run", "/api/picture"):
+        assert said(state, path, run=name)[0] == 404
+
+
+def test_a_run_with_a_link_out_of_the_folder_is_refused(tmp_path: Path, said: Said) -> None:
+    run = tmp_path / "runs" / "one"
+    (run / "samples").mkdir(parents=True)
+    (run / "recipe.json").write_text('{"recipe": "x", "arguments": {}, "resolved": {}}')
+    (tmp_path / "secret.png").write_bytes(b"secret")
+    (run / "samples" / "step-1.png").symlink_to(tmp_path / "secret.png")
+    state = State(tmp_path / "runs")
+    status, answer = said(state, "/api/picture", run="one")
+    assert (status, answer["error"]) == (
+        400,
+        f"one: its samples/step-1.png is a link out of {tmp_path / 'runs'}; put a copy in its place",
+    )
+    assert "is a link out of" in said(state, "/api/runs")[1]["runs"][0]["said"]
+
+
+@pytest.mark.parametrize("path", ["/assets/../server.py", "/assets/%2e%2e/server.py", "/etc/passwd", "/api/none"])
+def test_no_other_file_is_served(runs: Path, path: str) -> None:
+    with served(runs) as studio:
+        assert ask(studio, path)[0] == 404
+
+
+# Bounds
+
+
+def test_what_is_sent_is_bounded(runs: Path) -> None:
+    with served(runs) as studio:
+        assert ask(studio, "/api/runs", "POST", b"", Content_Length=str(LARGEST + 1))[0] == 413
+        assert ask(studio, "/api/runs", "POST", b"0\r\n\r\n", Transfer_Encoding="chunked")[0] == 413
+
+
+def test_no_more_calls_wait_than_the_queue_holds() -> None:
+    worker, go = Worker(waiting=2), threading.Event()
+    first = worker.submit(go.wait)
+    while not first.running():
+        time.sleep(0.001)
+    waiting = [worker.submit(lambda: 1) for _ in range(2)]
+    with pytest.raises(Busy):
+        worker.submit(lambda: 1)
+    go.set()
+    assert [call.result() for call in waiting] == [1, 1]
+
+
+# What is broken
+
+
+def test_a_broken_run_says_so_and_hides_no_other(runs: Path, tmp_path: Path, said: Said) -> None:
+    (tmp_path / "toy").mkdir()
+    (tmp_path / "toy" / "recipe.json").write_text("{")
+    (tmp_path / "log").mkdir()
+    (tmp_path / "log" / "recipe.json").write_text((runs / "toy" / "recipe.json").read_text())
+    state = State(tmp_path)
+    by_name = {run["name"]: run for run in said(state, "/api/runs")[1]["runs"]}
+    assert "damaged" in by_name["toy"]["said"]
+    assert "There is no checkpoint yet" in by_name["log"]["said"]
+    assert said(state, "/api/run", run="toy")[0] == 400
+
+
+def test_a_folder_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["studio", str(tmp_path / "none")]) == 2
+    assert "there is no such folder; give the one that holds runs" in capsys.readouterr().err
+
+
+def test_a_port_that_is_taken(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Studio(runs) as studio:
+        port = studio.server_address[1]
+        assert main(["studio", str(runs), "--port", str(port)]) == 2
+    assert f"--port {port}: Address already in use; give another port" in capsys.readouterr().err
+
+
+def test_training_prints_the_command_that_watches_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["train", TOY, "--views", "known", "--steps", "1", "--out", str(tmp_path / "run")]) == 0
+    assert f"unproject studio {tmp_path}" in capsys.readouterr().out
