@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from unproject.ops import limited, pulled
+from unproject.ops import limited, penalised
 
 
 def some(seed: int, size: float) -> Tensor:
@@ -33,9 +33,9 @@ def test_limited_has_a_gradient_far_out() -> None:
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 1000), st.floats(0.1, 100.0), st.floats(0.1, 20.0), st.floats(0.0, 2.0))
-def test_pulled_has_the_gradient_of_the_penalised_loss(seed: int, size: float, limit: float, weight: float) -> None:
+def test_penalised_has_the_gradient_of_the_penalised_loss(seed: int, size: float, limit: float, weight: float) -> None:
     a, b = some(seed, size), some(seed, size)
-    y = pulled(a, limit, weight)
+    y = penalised(a, limit, weight)
     assert torch.equal(y, a)
     y.sin().sum().backward()
     (b.sin().sum() + weight * (b.abs() - limit).clamp(min=0).square().mean()).backward()

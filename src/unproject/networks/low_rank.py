@@ -8,13 +8,13 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
-from ..ops.limits import limited, pulled
+from ..ops.limits import limited, penalised
 from ..ops.refinement import refined
 from .blocks import SmoothUpsampling, upsampling_levels
 from .generators import Generator, reflect
 
-FARTHEST, PULL = 3.0, 0.01
-"""Where t is pulled back, over c, and the weight."""
+FARTHEST, PENALTY = 3.0, 0.01
+"""Where the penalty of t begins, over c, and its weight."""
 
 
 class LowRankGenerator(Generator):
@@ -25,7 +25,7 @@ class LowRankGenerator(Generator):
     is smooth: transposed convolutions leave a checkerboard in the factors, which makes volumes striped inside while
     their silhouettes are right.
 
-    Logits are within ±c, and the gradient holds that of 0.01 E max(|t| - 3 c, 0)² as well (`ops.pulled`). Otherwise t
+    Logits are within ±c, and the gradient holds that of 0.01 E max(|t| - 3 c, 0)² too (`ops.penalised`). Otherwise t
     grows without end, to some ten thousand: where a sigmoid has no gradient, a part that is missing stays missing, and
     volumes may become empty for good.
 
@@ -94,7 +94,7 @@ class LowRankGenerator(Generator):
 
     def logits(self, hidden: Tensor, times: int = 1) -> Tensor:
         """Return the logits of occupancy, (B, X, Y, Z), or of one half with `mirror`, on a grid `times` as fine."""
-        return limited(pulled(self.sums(hidden, times), FARTHEST * self.limit, PULL), self.limit)
+        return limited(penalised(self.sums(hidden, times), FARTHEST * self.limit, PENALTY), self.limit)
 
     def sums(self, hidden: Tensor, times: int = 1) -> Tensor:
         """Return t, from which the logits come, of what the mapping network makes of codes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .framing import bounding_box, common_fill, common_height, framed, unit_sized
 from .hull import visual_hull
-from .limits import limited, pulled
+from .limits import limited, penalised
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .outlines import level_share
@@ -31,7 +31,7 @@ __all__ = [
     "orthographic_rays",
     "perspective_rays",
     "pinhole_rays",
-    "pulled",
+    "penalised",
     "quarter_turn",
     "ray_points",
     "refined",

@@ -19,7 +19,7 @@ def limited(t: Tensor, limit: float | Tensor) -> Tensor:
     return t * torch.rsqrt(1 + (t / limit).square())
 
 
-def pulled(t: Tensor, limit: float | Tensor, weight: float) -> Tensor:
+def penalised(t: Tensor, limit: float | Tensor, weight: float) -> Tensor:
     """Return t; its gradient is that of the loss plus weight · mean max(|t| - limit, 0)².
 
     The term belongs to what makes t, and so needs no place in the loss of whoever trains it.
@@ -27,15 +27,15 @@ def pulled(t: Tensor, limit: float | Tensor, weight: float) -> Tensor:
     Examples:
         >>> import torch, unproject as up
         >>> t = torch.tensor([1.0, 12.0], requires_grad=True)
-        >>> up.ops.pulled(t, limit=10.0, weight=0.5).sum().backward()
+        >>> up.ops.penalised(t, limit=10.0, weight=0.5).sum().backward()
         >>> t.grad
         tensor([1., 2.])
     """
-    pulled_t: Tensor = _Pulled.apply(t, limit, weight)  # pyright: ignore[reportAssignmentType]
-    return pulled_t
+    same: Tensor = _Penalised.apply(t, limit, weight)  # pyright: ignore[reportAssignmentType]
+    return same
 
 
-class _Pulled(torch.autograd.Function):
+class _Penalised(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, t: Tensor, limit: float | Tensor, weight: float) -> Tensor:
         ctx.save_for_backward(t)
