@@ -20,7 +20,7 @@ from .._types import UserError
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..export.pictures import graphs
 from ..training.description import describe
-from ..training.fitted_pictures import doubts
+from ..training.fitted_pictures import as_seen, doubts
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -134,7 +134,8 @@ def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
     file = folder / ("textures" if job.to in MATERIAL_FORMATS else f"{folder.name}.{job.to}")
     if not domain.empty(fit.x[:1]):
         domain.exporters[job.to](domain.largest_part(fit.x[:1]), file)
-    pairs = torch.stack([pictures, fit.projected.clamp(0, 1)], 1).flatten(0, 1)
+    seen = [as_seen(job.fitter.viewing.projection, y) for y in (pictures, fit.projected)]
+    pairs = torch.stack(seen, 1).flatten(0, 1)
     shown = picture_sheet(graphs(pairs) if pairs.dim() == 3 else pairs, columns=2, cell=CELL)
     preview = domain.preview(fit.x[:1])
     row = Image.new("RGB", (shown.width + preview.width, max(shown.height, preview.height)), "white")

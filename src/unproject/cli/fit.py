@@ -10,8 +10,6 @@ from .._types import UserError
 from ._machine import use_threads
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ..assignment import AssignmentState
     from ..inversion import Viewing
     from ..training import Run
@@ -74,7 +72,7 @@ def run(
     from ..data import Collection
     from ..inversion import Search
     from ..training import load
-    from ..training.fitted_pictures import FORMATS, framed_viewing, known_views, observed
+    from ..training.fitted_pictures import FORMATS, framed_viewing, given_view, known_views, observed
     from ..training.fitting import novelty_of, viewing_of
     from ._fits import Job, write_fits
 
@@ -122,14 +120,3 @@ def lit_viewing(opened: Run, view: str | None, light: str) -> Viewing:
     drawn = [Uniform("jitter", 0, 1)] if "jitter" in rendering.latents else []
     prior = Product(*(Uniform(name, value, value) for name, value in fixed.items()), *drawn)
     return Viewing.of([Observation("given", rendering, prior)])
-
-
-def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
-    """Return the latents that --view gives, radians, in the order in which the projection takes them."""
-    try:
-        degrees = [float(part) for part in view.split(",")]
-    except ValueError:
-        degrees = []
-    if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
-        raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
-    return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}

@@ -23,6 +23,7 @@ from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.run_directory import naming, read_recipe
 from .answers import Answer, Request, of_json
+from .downloads import attachment
 from .state import State
 
 VIEWS = "views.csv"
@@ -205,11 +206,25 @@ def correct(state: State, request: Request) -> Answer:
     return of_json({"file": str(file), "corrected": len(corrected)})
 
 
+def download_views(state: State, request: Request) -> Answer:
+    """Answer with the views of all pictures as views.csv."""
+    _, chosen = state.compute(lambda: _of(state, request))
+    angles = chosen.angles()
+    if angles is None:
+        raise UserError("the views of these pictures have no azimuth; there is no views.csv of them")
+    views = _with(chosen, _corrected(state, request.text("run"), chosen))
+    return attachment(_table(chosen, views, angles).encode(), VIEWS)
+
+
 def _write(file: Path, chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> None:
+    with naming(file), atomic_path(file) as temporary:
+        temporary.write_text(_table(chosen, views, angles), encoding="utf-8")
+
+
+def _table(chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["file", *angles[0]])
     for name, view in zip(chosen.names, views.tolist(), strict=True):
         table.writerow([name, *(f"{angle:g}" for angle in angles[view].values())])
-    with naming(file), atomic_path(file) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+    return text.getvalue()

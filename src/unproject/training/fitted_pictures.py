@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,8 @@ from ..data import Collection, are_pictures, mapped, read, read_photographs, rea
 from ..data.measured_lines import standardised_lines
 from ..data.readers.pictures import picture_files
 from ..inversion import DOUBTFUL, Fit, Viewing
-from ..projections import Cropped, FramedSilhouette, Silhouette
+from ..projections import Cropped, FramedSilhouette, Silhouette, Standardised
+from ..projections.base import Projection
 
 if TYPE_CHECKING:
     from .run import Run
@@ -42,7 +44,10 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
     if opened.domain.name == "maps":
-        return read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
+        found = read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
+        if isinstance(viewing.projection, Standardised):
+            return Collection(viewing.projection.standardise(found.floats()), names=found.names)
+        return found
     if opened.domain.name == "image":
         return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale)
     if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
@@ -74,3 +79,20 @@ def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:
     if run.domain.empty(fit.x[:1]):
         why.append("nothing is to be seen of what was found, so that it has no file")
     return why
+
+
+def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
+    """Return the latents that --view gives, radians, in the order in which the projection takes them."""
+    try:
+        degrees = [float(part) for part in view.split(",")]
+    except ValueError:
+        degrees = []
+    if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
+        raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
+    return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}
+
+
+def as_seen(projection: Projection, pictures: Tensor) -> Tensor:
+    """Return pictures (M, C, H, W) as a person sees them: before they were standardised, in [0, 1]."""
+    seen = projection.restore(pictures) if isinstance(projection, Standardised) else pictures
+    return seen.clamp(0, 1)
