@@ -46,6 +46,15 @@ def _packed(folder: Path, name: str) -> Answer:
 
 def attachment(content: bytes, name: str) -> Answer:
     """Answer with a file that the browser stores: whatever is in it, it is never shown as a page."""
-    return Answer(
-        content, "application/octet-stream", headers={"Content-Disposition": f'attachment; filename="{name}"'}
-    )
+    headers = {"Content-Disposition": f'attachment; filename="{plain(name)}"'}
+    return Answer(content, "application/octet-stream", headers=headers)
+
+
+def plain(name: str) -> str:
+    """Return a name that every system takes, and that ends no line of a header.
+
+    Examples:
+        >>> plain('../a "chair"')
+        'a-chair'
+    """
+    return re.sub(r"[^\w.-]+", "-", name, flags=re.ASCII).strip("-.") or "sample"

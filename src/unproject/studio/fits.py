@@ -11,6 +11,7 @@ from torch import Tensor
 from .. import export
 from .._types import UserError
 from ..data.readers.pictures import SUFFIXES
+from ..report.contents import read_contents
 from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.fitted_pictures import FORMATS, as_seen
@@ -19,6 +20,7 @@ from .answers import Answer, Missing, Request, of_json
 from .downloads import exported
 from .explaining import SEARCHES, Asked, Explanation, degrees
 from .explore import drawn_sample, thumbnail
+from .runs import kind_of
 from .state import State
 
 KEPT, SEEN = 12, 192
@@ -28,11 +30,12 @@ IDENTITY = "unproject.projections.base:Identity"
 
 def show_kinds(state: State, request: Request) -> Answer:
     """Answer with the kinds of pictures that a run can explain, by its recipe.json: nothing is computed."""
-    resolved = read_recipe(state.folder.run(request.text("run")))["resolved"]
-    panels = [panel for panel in resolved.get("panels") or () if isinstance(panel, dict)]
+    contents = read_contents(state.folder.run(request.text("run")))
+    panels = [panel for panel in contents.recipe["resolved"].get("panels") or () if isinstance(panel, dict)]
     names = [_observations(panel) for panel in panels]
     several = [name for some in names for name in some] if len(panels) > 1 else []
-    return of_json({"observations": several, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
+    kinds = {"kind": kind_of(contents), "observations": several}
+    return of_json({**kinds, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
 
 
 def _observations(panel: dict[str, Any]) -> list[str]:

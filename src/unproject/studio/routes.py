@@ -12,7 +12,17 @@ from .state import State
 Route = Callable[[State, Request], Answer]
 
 KINDS = {"html": "text/html; charset=utf-8", "css": "text/css; charset=utf-8", "js": "text/javascript; charset=utf-8"}
-OWN = ("app.js", "studio.css", "runs.js", "explore.js", "choose.js", "materials.js", "collections.js", "fit.js")
+OWN = (
+    "app.js",
+    "studio.css",
+    "runs.js",
+    "explore.js",
+    "choose.js",
+    "materials.js",
+    "collections.js",
+    "export.js",
+    "fit.js",
+)
 REPORT = ("viewer.js", "shapes.js", "materials.js", "page.css")
 """Files of the page: its own, and those that the report has too."""
 

@@ -1,5 +1,6 @@
 // Runs: a list with pictures; one run as it trains, or two side by side.
 import { address, ask, go, keep, link, make, markup, repeatedly } from "/assets/app.js";
+import { downloadButton } from "/assets/export.js";
 
 const LIST_EVERY = 5, RUN_EVERY = 3; // seconds
 
@@ -70,9 +71,10 @@ function showRun(column, name, key, query) {
   const image = make("img.sheet", { alt: `samples of ${name}` }), label = make("output");
   const slider = make("input", { type: "range", min: 0, step: 1, "aria-label": "step of training" });
   const samples = make("section", make("h2", "Samples over time"), image, make("div.bar", slider, label));
+  const report = downloadButton("Download its report", "/api/report.html", () => ({ run: name }));
   const parts = make("div");
   let before = "", steps = [], follow = !query[key];
-  column.append(title, facts, links, samples, parts);
+  column.append(title, facts, make("div.bar.actions", links, report), samples, parts);
   const draw = () => {
     const step = steps[Number(slider.value)];
     samples.hidden = step === undefined;
