@@ -2,8 +2,8 @@
 import { address, make, say } from "/assets/app.js";
 
 const SAYS = {
-  glb: "Mesh for Blender, Unity, Unreal (.glb)", obj: "Mesh (.obj)", ply: "Mesh (.ply)", vox: "Voxels (.vox)", gif: "Turntable (.gif)",
-  npz: "Arrays for Python (.npz)", png: "Picture (.png)", maps: "Maps, four PNG (.zip)", mtlx: "MaterialX with maps (.zip)", gltf: "Plane with the material (.glb)",
+  glb: "Mesh (.glb)", obj: "Mesh (.obj)", ply: "Mesh (.ply)", vox: "Voxels (.vox)", gif: "Turntable (.gif)",
+  npz: "Arrays (.npz)", png: "Picture (.png)", maps: "Maps (.zip of PNG)", mtlx: "MaterialX (.zip)", gltf: "Plane with it (.glb)",
 };
 const ORDER = Object.keys(SAYS);
 

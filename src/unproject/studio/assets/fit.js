@@ -24,10 +24,14 @@ export function fitPanel(root, query) {
   const stage = make("div.stage"), note = make("p.small"), bar = make("progress", { max: 1, value: 0, "aria-label": "done" });
   const stop = make("button", { type: "button" }, "Stop"), watch = make("section", { hidden: true }, stage, make("div.bar.watch", bar, stop), note);
   const found = make("section", { hidden: true });
+  const intro = make("section.intro", make("h2", "The object behind a picture"),
+    make("p", "The run has learned what objects of a kind look like. Of all that it can make, this looks for the one whose projection is the picture, from whatever view it was taken, and shows it on its way."),
+    make("p", "One picture leaves much open: several explanations come with their weights, and the probability of each view. If the picture is of another kind than those the run has seen, the page says so."),
+    make("p.small", "The picture stays on this machine, and is not stored."));
   const options = make("details", make("summary", "What is known of it"), which,
     make("label.field", make("span", "view, degrees"), view), make("label.field", make("span", "search"), search),
     make("label.check", novelty, "compare it with the pictures of training (half a minute, once)"));
-  root.append(title(query.run), make("div.fitter", make("section.give", zone, make("div.bar", own), options), watch, found));
+  root.append(title(query.run), make("div.fitter", make("section.give", zone, make("div.bar", own), options), intro, watch, found));
   let drawing = null;
 
   ask("/api/kinds", { run: query.run }).then((kinds) => {
@@ -49,6 +53,7 @@ export function fitPanel(root, query) {
   }
   function begin(fit) {
     shown = fit;
+    intro.hidden = true;
     keep({ fit });
     found.hidden = true;
     if (drawing) drawing.close();

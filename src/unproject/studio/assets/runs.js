@@ -102,7 +102,16 @@ function showRun(column, name, key, query) {
     draw();
     const { verdict, curves, views, commands, environment } = run.sections;
     parts.replaceChildren(...[verdict, curves, views, commands, environment].map(markup));
+    parts.querySelectorAll("button.copy").forEach(copies);
   });
+}
+
+function copies(button) {
+  button.hidden = !navigator.clipboard; // as on a page that another machine serves
+  button.onclick = async () => {
+    await navigator.clipboard.writeText(button.previousElementSibling.textContent);
+    button.textContent = "copied";
+  };
 }
 
 const FOR = { volumes: ["explore", "collections", "fit"], images: ["explore", "collections", "fit"], maps: ["explore", "materials", "fit"] };
