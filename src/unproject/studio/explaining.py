@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import torch
 from torch import Tensor
 
 from .._types import UserError
@@ -130,14 +129,13 @@ class Explanation:
         self.pictures = pictures = found.floats()
         self._now("comparing it with samples")
         fit = means.fitter.fit(pictures, found.latents, self._watch)
-        self.x, self.projected = fit.x[:1], fit.projected
+        self.x, self.projected, self.why = fit.x[:1], fit.projected, doubts(run, fit, None)
+        self.fit = fit
         if asked.novelty:
             self._now("comparing it with the pictures of training")
             novelty = state.kept(("novelty", *key), lambda: _novelty(means), 2)
             p = novelty.p_values(pictures)
-            self.p = p.min().item()
-        self.why = doubts(run, fit, None if self.p is None else torch.tensor([self.p]))
-        self.fit = fit
+            self.p, self.why = p.min().item(), doubts(run, fit, p)
 
     def _watch(self, done: float, x: Tensor, projected: Tensor) -> None:
         self.done, self.x, self.projected = done, x, projected

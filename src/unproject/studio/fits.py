@@ -85,7 +85,7 @@ def show_fit(state: State, request: Request) -> Answer:
     told = {"run": one.asked.run, "name": one.asked.name, "stage": one.stage, "ended": one.ended, "done": one.done}
     told |= {"moves": one.moves, "drawable": one.x is not None, "error": one.error, "seconds": round(one.seconds, 1)}
     pictures = {"picture": _seen(one, one.pictures), "projection": _seen(one, one.projected)}
-    return of_json({**told, **pictures, **(_result(one) if one.stage == "done" else {})})
+    return of_json({**told, **pictures, **(_result(one) if one.fit is not None else {})})
 
 
 def _seen(one: Explanation, y: Tensor | None) -> str | None:

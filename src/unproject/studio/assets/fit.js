@@ -1,5 +1,5 @@
 // Fit: a picture is dropped, and the sample behind it is found while one watches.
-import { address, ask, go, keep, make, say } from "/assets/app.js";
+import { address, ask, keep, make, say } from "/assets/app.js";
 import { chooseRun } from "/assets/choose.js";
 import { stageView, title } from "/assets/explore.js";
 import { exportBar } from "/assets/export.js";
@@ -14,7 +14,7 @@ const EVERY = 400; // milliseconds between looks
 
 export function fitPanel(root, query) {
   if (!query.run) return chooseRun(root, "fit", (run) => run.kind !== "");
-  let closed = false, shown = null;
+  let closed = false, shown = null, chosen = 0;
   const file = make("input", { type: "file", "aria-label": "picture" }), wanted = make("span");
   const zone = make("label.zone", file, make("strong", "Drop a picture here"), make("span", "or choose a file: ", wanted));
   const observation = make("select", { "aria-label": "kind of picture" }), which = make("label.field", make("span", "kind of picture"), observation);
@@ -52,7 +52,7 @@ export function fitPanel(root, query) {
     begin(fit);
   }
   function begin(fit) {
-    shown = fit;
+    [shown, chosen] = [fit, 0];
     intro.hidden = true;
     keep({ fit });
     found.hidden = true;
@@ -69,8 +69,8 @@ export function fitPanel(root, query) {
       if (closed || fit !== shown) return;
       watch.hidden = false;
       tell(now);
-      if (now.drawable && now.moves !== moves) await draw(fit);
-      if (now.stage === "done") return show(now, fit);
+      if (now.drawable && now.moves !== moves) await draw(fit, chosen);
+      if (now.explanations && (moves < 0 || now.moves !== moves)) show(now, fit);
       if (!now.ended) setTimeout(() => follow(fit, now.moves), EVERY);
     } catch (error) { say(error); }
   }
@@ -87,15 +87,14 @@ export function fitPanel(root, query) {
     if (!closed && fit === shown) drawing.show(drawn);
   }
   function show(now, fit) {
-    let chosen = 0;
-    const word = make(`span.word.${now.explained ? "good" : "doubtful"}`, now.explained ? "explained" : "not explained");
+    const word = now.ended || !now.explained ? make(`span.word.${now.explained ? "good" : "doubtful"}`, now.explained ? "explained" : "not explained") : make("span.word", "found");
     const says = now.explained ? `Its projection is at distance ${now.distance.toFixed(2)}: 0 is equal, 1 is unrelated.` : `${now.why}.`;
     const likely = now.p === null ? [] : [make("p.small", `p ${now.p.toFixed(2)}: how likely a picture of the run's kind is so strange.`)];
     const pair = make("div.pair", ...[["given", now.picture], ["found", now.projection]].map(([name, uri]) =>
       make("figure", make("img", { src: uri, alt: name }), make("figcaption.small", name))));
     const cells = make("div.cells", ...now.explanations.map((uri, k) => {
       const share = Math.round(100 * now.weights[k]);
-      const cell = make("button", { type: "button", "aria-pressed": String(!k), title: `explanation ${k + 1}, weight ${share} %` }, make("img", { src: uri, alt: `explanation ${k + 1}` }), make("span.small", `${share} %`));
+      const cell = make("button", { type: "button", "aria-pressed": String(k === chosen), title: `explanation ${k + 1}, weight ${share} %` }, make("img", { src: uri, alt: `explanation ${k + 1}` }), make("span.small", `${share} %`));
       cell.onclick = () => {
         chosen = k;
         [...cells.children].forEach((one, i) => one.setAttribute("aria-pressed", String(i === k)));
@@ -134,14 +133,11 @@ export function fitPanel(root, query) {
   };
 }
 
-// One of the pictures that the run was trained on, as a file.
+// One of the pictures that the run has, but was not trained on if there are such, as a file.
 async function ownPicture(run) {
-  const first = await ask("/api/pictures", { run });
-  const page = Math.floor(Math.random() * Math.ceil(first.total / first.page));
-  const { pictures } = await ask("/api/pictures", { run, page });
-  const one = pictures[Math.floor(Math.random() * pictures.length)];
-  const bytes = Uint8Array.from(atob(one.picture.split(",")[1]), (c) => c.charCodeAt(0));
-  return [`${one.name.replace(/\.\w+$/, "").replace(/[^\w-]+/g, "-")}.webp`, new Blob([bytes])];
+  const answer = await fetch(address("/api/mask", { run, number: Math.floor(1e6 * Math.random()) }));
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  return [/filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition"))[1], await answer.blob()];
 }
 
 // The probability of each view, as columns.
