@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from .hub import from_pretrained, push_to_hub
-from .shared import EXAMPLES, example_path, save_pretrained
+from .shared import EXAMPLES, example_path, put_example, save_pretrained
 
-__all__ = ["EXAMPLES", "example_path", "from_pretrained", "push_to_hub", "save_pretrained"]
+__all__ = ["EXAMPLES", "example_path", "from_pretrained", "push_to_hub", "put_example", "save_pretrained"]

@@ -1,4 +1,4 @@
-"""Card: README.md of a shared run, a model card of the Hugging Face Hub: what it makes, its scores, where it comes from.
+"""Card: README.md of a shared run, a model card of the hub: what it makes, its scores, where it comes from.
 
 References:
     Mitchell et al. 2019, Model cards for model reporting.
@@ -28,7 +28,7 @@ def card_of(run: Run, folder: Path) -> str:
     parts = [
         _front(run),
         f"# {folder.resolve().name}",
-        f"A generator of {makes}, learned from unpaired projections by [unproject](https://pypi.org/project/unproject), "
+        f"A generator of {makes}, learned from unpaired projections by unproject, "
         f"recipe `{recipe.get('recipe') or 'of its own'}`, {run.step:,} steps.",
         _picture(folder),
         "## Use",
@@ -64,13 +64,11 @@ def _picture(folder: Path) -> str:
 def _scores(verdict: Mapping[str, Any]) -> str:
     if not verdict:
         return "None were measured."
-    rows = [
-        f"| {f.get('name')} | {_value(f)} | {f.get('verdict') or f.get('word') or ''} | {f.get('says', '')} |"
-        for f in verdict.get("findings") or ()
-        if isinstance(f, Mapping)
-    ]
-    table = "\n".join(["| finding | value | | what it says |", "|---|---|---|---|", *rows]) if rows else ""
-    return f"{verdict.get('line', '')}\n\n{table}".strip()
+    findings = verdict.get("findings")
+    found = findings.items() if isinstance(findings, Mapping) else ()
+    rows = [f"| {name} | {_value(f)} | {f.get('word', '')} | {f.get('protocol', '')} |" for name, f in found]
+    table = "\n".join(["| finding | value | | how it is measured |", "|---|---|---|---|", *rows]) if rows else ""
+    return f"Verdict: {verdict.get('line', '')}\n\n{table}".strip()
 
 
 def _value(finding: Mapping[str, Any]) -> str:

@@ -42,6 +42,18 @@ def example_path(name: str) -> Path:
     return path
 
 
+def put_example(name: str, folder: Path) -> Path:
+    """Copy a run that comes with the package into a folder of runs, unless it is there; return its directory.
+
+    Raises:
+        UserError: if there is none of that name.
+    """
+    path = folder / f"example-{name}"
+    if not (path / "recipe.json").is_file():
+        shutil.copytree(example_path(name), path, dirs_exist_ok=True)
+    return path
+
+
 def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str], trust: bool = False) -> Path:
     """Write a run for others into a new folder: weights, recipe, verdict, the last picture, and a model card.
 

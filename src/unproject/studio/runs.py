@@ -15,6 +15,7 @@ from .._types import UserError
 from ..report import write_report
 from ..report.contents import Contents, number, read_contents
 from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
+from ..training.checkpoint import why_unreadable
 from .answers import Answer, Missing, Request, of_json, tagged
 from .downloads import attachment
 from .state import State
@@ -72,7 +73,7 @@ def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
         "verdict": str(verdict.get("word", "")),
         "line": str(verdict.get("line", "")),
         "picture": contents.previews[-1][0] if contents.previews else None,
-        "said": " ".join(contents.remarks),
+        "said": " ".join([*contents.remarks, why_unreadable(path / "checkpoints")]).strip(),
     }
 
 

@@ -37,7 +37,7 @@ function showList(root) {
       : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240 });
     const bar = make("progress", { max: 1, value: run.progress || 0, "aria-label": "budget spent" });
     const about = run.recipe ? [make("p.small", `${run.recipe.split(":").pop()} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
-    const words = run.line ? run.line.replace(/^\w+: /, "") : run.said;
+    const words = run.said || run.line.replace(/^\w+: /, "");
     return make("article.card", make("a.seen", { href: link("runs", { run: run.name }) }, seen),
       make("div.about", make("h2", make("a", { href: link("runs", { run: run.name }) }, run.name)),
         make("p", badge(run), make("label.pick", box, "compare")), ...about, make("p.small.says-so", words)));
@@ -70,11 +70,12 @@ function showRun(column, name, key, query) {
   const title = make("div.bar.title", make("h1", name)), facts = make("p.facts"), links = make("p.links");
   const image = make("img.sheet", { alt: `samples of ${name}` }), label = make("output");
   const slider = make("input", { type: "range", min: 0, step: 1, "aria-label": "step of training" });
+  const remark = make("p.remarks", { hidden: true });
   const samples = make("section", make("h2", "Samples over time"), image, make("div.bar", slider, label));
   const report = downloadButton("Download its report", "/api/report.html", () => ({ run: name }));
   const parts = make("div");
   let before = "", steps = [], follow = !query[key];
-  column.append(title, facts, make("div.bar.actions", links, report), samples, parts);
+  column.append(title, facts, make("div.bar.actions", links, report), remark, samples, parts);
   const draw = () => {
     const step = steps[Number(slider.value)];
     samples.hidden = step === undefined;
@@ -93,6 +94,8 @@ function showRun(column, name, key, query) {
     if (now === before) return;
     before = now;
     title.replaceChildren(make("h1", name), badge(run));
+    remark.textContent = run.said;
+    remark.hidden = !run.said;
     facts.textContent = `recipe ${run.recipe || "unknown"} · ${run.recipe ? budget(run) : ""}`;
     links.replaceChildren(...linksOf(run));
     const at = follow ? run.pictures.length - 1 : run.pictures.indexOf(steps[Number(slider.value)] ?? Number(query[key]));
