@@ -150,9 +150,9 @@ def show_mask(state: State, request: Request) -> Answer:
 
     def file() -> Answer:
         _, chosen = _of(state, request)
-        panel = chosen.state.panel
-        first = 0 if panel.held_out is None else len(panel)
-        row = first + request.whole("number", 0, 0, 10**6) % (len(chosen.names) - first)
+        count, total = len(chosen.state.panel), len(chosen.names)
+        first = count if total > count else 0
+        row = first + request.whole("number", 0, 0, 10**6) % (total - first)
         y = chosen.picture(row)[0]
         if len(y) != 1:
             raise UserError("the pictures of this run are no silhouettes; drop one of your own")

@@ -44,7 +44,7 @@ export function address(path, query = {}) {
 export async function ask(path, query, options) {
   let answer;
   try {
-    answer = await fetch(address(path, query), options);
+    answer = await fetch(address(path, query), { signal: open.left.signal, ...options });
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new Error("The studio does not answer; is it still running?");
@@ -102,8 +102,13 @@ export function latest(work) {
   };
 }
 
+// What a panel has asked for is not waited for once it is left.
+export const left = () => open.left.signal;
+
 function open() {
   close();
+  if (open.left) open.left.abort();
+  open.left = new AbortController();
   say(null);
   const { panel, query } = here();
   for (const tab of document.querySelectorAll("#panels a")) {

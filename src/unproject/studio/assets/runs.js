@@ -14,10 +14,12 @@ export function budget(run) {
   return `${steps}, ${minutes}`;
 }
 
+const readable = (run) => run.step !== undefined;
+
 export function badge(run) {
   if (run.verdict) return make(`span.word.${run.verdict}`, run.verdict);
   if (run.training) return make("span.word.training", "training");
-  return make("span.word", run.recipe ? (run.complete ? "no verdict" : "unfinished") : "broken");
+  return make("span.word", readable(run) ? (run.complete ? "no verdict" : "unfinished") : "broken");
 }
 
 function showList(root) {
@@ -33,10 +35,10 @@ function showList(root) {
       if (box.checked) chosen.add(run.name); else chosen.delete(run.name);
       compare.disabled = chosen.size !== 2;
     };
-    const seen = run.picture === null ? make("div.blank", run.recipe ? "no picture yet" : "cannot be read")
+    const seen = run.picture === null ? make("div.blank", readable(run) ? "no picture yet" : "cannot be read")
       : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240 });
     const bar = make("progress", { max: 1, value: run.progress || 0, "aria-label": "budget spent" });
-    const about = run.recipe ? [make("p.small", `${run.recipe.split(":").pop()} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
+    const about = readable(run) ? [make("p.small", `${run.recipe.split(":").pop() || "own recipe"} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
     const words = run.said || run.line.replace(/^\w+: /, "");
     return make("article.card", make("a.seen", { href: link("runs", { run: run.name }) }, seen),
       make("div.about", make("h2", make("a", { href: link("runs", { run: run.name }) }, run.name)),
@@ -96,7 +98,7 @@ function showRun(column, name, key, query) {
     title.replaceChildren(make("h1", name), badge(run));
     remark.textContent = run.said;
     remark.hidden = !run.said;
-    facts.textContent = `recipe ${run.recipe || "unknown"} · ${run.recipe ? budget(run) : ""}`;
+    facts.textContent = `recipe ${run.recipe || "of its own"} · ${budget(run)}`;
     links.replaceChildren(...linksOf(run));
     const at = follow ? run.pictures.length - 1 : run.pictures.indexOf(steps[Number(slider.value)] ?? Number(query[key]));
     steps = run.pictures;
