@@ -87,8 +87,10 @@ def milliseconds(page: Page, address: str, place: str, move: str) -> dict[str, f
 
 
 SLIDE = """(k) => new Promise((done) => {
-  const note = document.querySelector('.explorer section p.small'), slider = document.querySelectorAll('.slider input')[1];
-  const began = performance.now(), seen = new MutationObserver(() => { seen.disconnect(); done(performance.now() - began); });
+  const note = document.querySelector('.explorer section p.small');
+  const slider = document.querySelectorAll('.controls .slider input')[1];
+  const began = performance.now();
+  const seen = new MutationObserver(() => { seen.disconnect(); done(performance.now() - began); });
   seen.observe(note, { childList: true, characterData: true, subtree: true });
   slider.value = -2 + (k * 0.37) % 4;
   slider.dispatchEvent(new Event('input'));
@@ -99,12 +101,17 @@ DRAG = """(k) => new Promise((done) => {
   image.dispatchEvent(new KeyboardEvent('keydown', { key: k % 2 ? 'ArrowLeft' : 'ArrowRight', bubbles: true }));
 })"""
 CLICK = """(seed) => {
-  const shown = [...document.querySelectorAll('a, button, select, input, canvas, .rendering')].filter((e) => e.offsetParent && !e.disabled);
+  const kinds = 'a, button, select, input, canvas, .rendering';
+  const shown = [...document.querySelectorAll(kinds)].filter((one) => one.offsetParent && !one.disabled);
   const one = shown[Math.floor(seed * shown.length)];
   if (!one || one.type === 'file') return;
-  if (one.type === 'range') { one.value = Number(one.min) + Math.random() * (one.max - one.min); one.dispatchEvent(new Event('input')); return; }
-  if (one.tagName === 'SELECT') { one.selectedIndex = Math.floor(Math.random() * one.options.length); one.dispatchEvent(new Event('change')); return; }
-  one.click();
+  if (one.type === 'range') {
+    one.value = Number(one.min) + Math.random() * (one.max - one.min);
+    one.dispatchEvent(new Event('input'));
+  } else if (one.tagName === 'SELECT') {
+    one.selectedIndex = Math.floor(Math.random() * one.options.length);
+    one.dispatchEvent(new Event('change'));
+  } else one.click();
 }"""
 
 
@@ -113,7 +120,10 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
     draw, asked, wrong = random.Random(0), [], []
     page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("response", lambda response: wrong.append(response.url) if response.status >= 500 != 503 else None)
+    page.on(
+        "response",
+        lambda response: wrong.append(response.url) if response.status >= 500 and response.status != 503 else None,
+    )
     began, clicks, memory = time.perf_counter(), 0, []
     while time.perf_counter() - began < 60 * minutes:
         if clicks % 25 == 0:
