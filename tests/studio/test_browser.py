@@ -131,9 +131,10 @@ def test_runs_are_listed_and_two_are_shown_side_by_side(tab: Tab) -> None:
     tab.until("4 runs in")
     assert "damaged" in tab.page.text_content("article:has-text('broken')")
     for name in ("chairs", "wood"):
-        tab.page.check(f"article:has(h2:text-is('{name}')) input")
+        tab.page.check(f"[aria-label='compare {name}']")
     tab.page.click("text=Compare two")
-    tab.page.wait_for_selector(".side-by-side .run:nth-child(2) svg")
+    tab.page.wait_for_selector(".side-by-side .run:nth-child(1) svg")
+    tab.page.wait_for_selector(".side-by-side .run:nth-child(2) h1:text-is('wood')")
     assert "other=" in tab.page.url
     tab.page.wait_for_selector(".side-by-side .run:nth-child(1) img.sheet")
 
@@ -246,7 +247,8 @@ def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path)
     tab.page.click("summary")
     tab.page.uncheck("input[type=checkbox]")
     dropped(tab, "document", "seat.png", (tmp_path / "seat.png").read_bytes())
-    tab.until("What was found")
+    tab.page.wait_for_function("() => /What was found|could not/.test(document.body.innerText)", timeout=2 * PATIENCE)
+    assert not tab.page.is_visible("#trouble"), tab.page.text_content("#trouble")
     tab.until("Done in")
     tab.page.locator(".fitter .cells button").nth(1).click()
     with tab.page.expect_download() as told:

@@ -69,7 +69,8 @@ export function fitPanel(root, query) {
       if (closed || fit !== shown) return;
       watch.hidden = false;
       tell(now);
-      if (now.drawable && now.moves !== moves) await draw(fit, chosen);
+      // On its way it may be at a shape of which nothing is to be seen: that ends nothing.
+      if (now.drawable && now.moves !== moves) await draw(fit, chosen).catch((error) => { if (now.ended) say(error); });
       if (now.explanations && (moves < 0 || now.moves !== moves)) show(now, fit);
       if (!now.ended) setTimeout(() => follow(fit, now.moves), EVERY);
     } catch (error) { say(error); }
