@@ -36,7 +36,7 @@ function showList(root) {
       compare.disabled = chosen.size !== 2;
     };
     const seen = run.picture === null ? make("div.blank", readable(run) ? "no picture yet" : "cannot be read")
-      : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240 });
+      : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240, loading: "lazy" });
     const bar = make("progress", { max: 1, value: run.progress || 0, "aria-label": "budget spent" });
     const about = readable(run) ? [make("p.small", `${run.recipe.split(":").pop() || "own recipe"} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
     const words = run.said || run.line.replace(/^\w+: /, "");
