@@ -66,6 +66,16 @@ def test_the_card_has_scores_and_where_it_comes_from(run: Path, tmp_path: Path) 
     assert (tmp_path / "shared" / "samples").is_dir()
 
 
+def test_the_log_that_is_shared_is_short_and_whole(run: Path, tmp_path: Path) -> None:
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    lines = [json.dumps({"step": k, "seconds": k, "loss_g": 1.0}) + "\n" for k in range(1, 1001)]
+    (copied / "stats.jsonl").write_text("".join(lines) + '{"step": 1, "seconds": 1, "event": "assigned"}\n')
+    shared = save_pretrained(copied, tmp_path / "shared")
+    found = [json.loads(line)["step"] for line in (shared / "stats.jsonl").read_text().splitlines()]
+    assert found[:2] == [1, 6] and len(found) == 200
+
+
 class LocalHub:
     """A hub that is a folder."""
 

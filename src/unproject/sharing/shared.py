@@ -26,7 +26,8 @@ from .card import CARD, card_of
 
 EXAMPLES = ("chairs",)
 """Runs that come with the package."""
-PREFIXES = ("average/", "panels/")
+LOG, LINES = "stats.jsonl", 200
+"""The log, and lines of it that are shared at most."""
 PLACES = ("recipe.json", "environment.json", VERDICT)
 
 
@@ -85,6 +86,7 @@ def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str],
         if (opened.path / place).is_file():
             write_json(folder / place, without_paths(json.loads((opened.path / place).read_text(encoding="utf-8"))))
     _copy_preview(opened.path, folder)
+    _copy_log(opened.path / LOG, folder / LOG)
     with atomic_path(folder / CARD) as temporary:
         temporary.write_text(card_of(opened, folder), encoding="utf-8")
     return folder
@@ -94,6 +96,15 @@ def _copy_preview(source: Path, folder: Path) -> None:
     (folder / "samples").mkdir(exist_ok=True)
     for picture in sorted((source / "samples").glob("step-*.png"))[-1:]:
         shutil.copyfile(picture, folder / "samples" / picture.name)
+
+
+def _copy_log(source: Path, file: Path) -> None:
+    """Copy losses over time, a few hundred lines of them: events hold one number a picture."""
+    if source.is_file():
+        lines = [line for line in source.read_text(encoding="utf-8").splitlines(keepends=True) if "event" not in line]
+        rows = range(0, len(lines), -(-len(lines) // LINES) or 1)
+        with atomic_path(file) as temporary:
+            temporary.write_text("".join(lines[row] for row in rows), encoding="utf-8")
 
 
 def is_shared(name: str) -> bool:

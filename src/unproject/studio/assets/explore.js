@@ -90,7 +90,7 @@ function fillControls(controls, place, changed) {
     }));
   const truncation = slider("truncation", place.truncation, 0, 1, 0.01, (value) => { place.truncation = value; changed(); });
   truncation.row.title = "1: as it was generated. 0: the mean of all.";
-  const mix = slider("between the picks", place.mix, 0, 1, 0.01, (value) => { place.mix = value; changed(); });
+  const mix = slider("mix of both", place.mix, 0, 1, 0.01, (value) => { place.mix = value; changed(); });
   mix.row.id = "mix";
   mix.row.hidden = place.other === null;
   const reset = make("button", { type: "button", title: "key R" }, "Reset");
