@@ -112,7 +112,7 @@ def _result(one: Explanation) -> dict[str, Any]:
         "posterior": fit.posterior.mean(0).tolist(),
         "labels": labels,
         "unit": unit,
-        "explanations": [thumbnail(run.domain, x[None]).uri for x in fit.x],
+        "explanations": [thumbnail(run.domain, run.domain.largest_part(x[None])).uri for x in fit.x],
         "formats": formats,
         "format": FORMATS.get(run.domain.name, "npz"),
     }
