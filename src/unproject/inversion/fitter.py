@@ -191,7 +191,7 @@ class Fitter:
         order = energy.argsort()
         state, x = state[order], x[order]
         if self.search.tune:
-            x[:1] = tuned(candidates, self.search, state.v[:1], state[torch.tensor([0])].theta, of.y)
+            x[:1] = self._tuned(x[:1], state[torch.tensor([0])], of)
         with torch.no_grad():
             projected = candidates.project(x, state.theta, len(of))
             distance = candidates.distance(projected, of.y)
@@ -200,6 +200,15 @@ class Fitter:
             bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
             posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
             return Fit(self.generator.filled(x), state.v, distance, weight, state.theta, posterior, projected[0])
+
+    def _tuned(self, x: Tensor, state: State, of: Pictures) -> Tensor:
+        """Return the sample (1, ...) of a generator that was trained for the pictures, unless it is further off."""
+        own = tuned(self.candidates, self.search, state.v, state.theta, of.y)
+        with torch.no_grad():
+            theta = {name: value.expand(2, -1) for name, value in state.theta.items()}
+            projected = self.candidates.project(torch.cat([x, own]), theta, len(of))
+            before, after = self.candidates.distance(projected, of.y).sum(1).tolist()
+        return own if after <= before else x
 
     def _posterior(self, x: Tensor, state: State, found: Tensor, of: Pictures, rng: torch.Generator) -> Tensor:
         """Return (S, M, K), the probability of each bin for each explanation."""

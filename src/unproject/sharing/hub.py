@@ -39,7 +39,7 @@ def from_pretrained(
         'volume'
     """
     if Path(name).is_dir():
-        return load(name, device=device, trust=trust)
+        return load(Path(name), device=device, trust=trust)
     if str(name) in EXAMPLES:
         return load(example_path(str(name)), device=device, trust=trust)
     if not NAME.fullmatch(str(name)):

@@ -74,7 +74,7 @@ def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str],
         >>> up.from_pretrained(shared).sample(1).shape
         torch.Size([1, 32, 32, 32])
     """
-    opened = run if isinstance(run, Run) else load(run, trust=trust)
+    opened = run if isinstance(run, Run) else load(Path(run), trust=trust)
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder}: is not empty; give another --out")
