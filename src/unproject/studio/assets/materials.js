@@ -6,7 +6,7 @@ import { exportBar, store } from "/assets/export.js";
 
 const FORMS = { tile: "Tile", plane: "Plane, 2 × 2", ball: "Ball" };
 const LAMPS = ["directional", "coloured"];
-const FAST = 6, FINE = 96; // samples a pixel while a hand moves, and once it rests
+const FAST = 8, FINE = 96; // samples a pixel while a hand moves, and once it rests
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export function materialsPanel(root, query) {
