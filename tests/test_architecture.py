@@ -18,7 +18,7 @@ LAYERS = (
     ("adversarial", "assignment", "domains", "testing"),
     ("inversion",),
     ("training",),
-    ("recipes", "report"),
+    ("recipes", "report", "sharing"),
     ("reproduce", "studio"),
     ("cli",),
 )

@@ -14,6 +14,7 @@ from safetensors.torch import load_file, save_file
 from unproject.cli import main
 from unproject.data import chairs, observe
 from unproject.projections.silhouette import azimuth_bins
+from unproject.studio import Studio
 from unproject.training.checkpoint import FORMAT
 
 ROOT = Path(__file__).parent.parent
@@ -21,7 +22,8 @@ TUTORIAL = "docs/tomography.md"
 """Its Python writes the files of its commands."""
 FIT = "docs/fit.md"
 """Some of its Python opens the runs of its commands."""
-PAGES = ("README.md", "docs/usage.md", TUTORIAL, FIT)
+STUDIO = "docs/studio.md"
+PAGES = ("README.md", "docs/usage.md", TUTORIAL, FIT, STUDIO)
 
 
 def blocks(language: str, page: str = "README.md") -> list[str]:
@@ -32,6 +34,7 @@ def blocks(language: str, page: str = "README.md") -> list[str]:
 def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of cut-outs in the current directory, and of textures and photographs, as the README supposes."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Studio, "serve_forever", lambda self: None)  # it would until Ctrl-C
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = tmp_path / "my_masks"
     folder.mkdir()
@@ -84,6 +87,7 @@ def shortened(command: str) -> str:
         "resume": "--steps 3 --quiet",
         "evaluate": "--n 10",
         "fit": LEAST_FIT,
+        "studio": "--port 0",
     }
     return f"{command} {more.get(verb, '')}"
 
@@ -93,7 +97,7 @@ def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
     """In their order, each with what those before it have left; what --out names is there afterwards."""
     tried = [command for command in commands(page) if not command.startswith(ELSEWHERE)]
     assert {"train", "fit" if page == FIT else "export"} <= {command.split()[1] for command in tried}
-    codes = [*blocks("python", page)] if page in (TUTORIAL, FIT) else []
+    codes = [*blocks("python", page)] if page in (TUTORIAL, FIT, STUDIO) else []
     names: dict[str, object] = {}
     for code in codes:
         if "up.load(" not in code:

@@ -14,9 +14,21 @@ import pytest
 from unproject.cli import main
 
 ROOT = Path(__file__).parents[1]
-FETCHES = {"data/download.py"}
+FETCHES = {"data/download.py", "sharing/hub.py"}
 SERVES = ("studio/",)
-NETWORK = {"socket", "socketserver", "http", "urllib", "ftplib", "smtplib", "requests", "pooch", "httpx", "aiohttp"}
+NETWORK = {
+    "socket",
+    "socketserver",
+    "http",
+    "urllib",
+    "ftplib",
+    "smtplib",
+    "requests",
+    "pooch",
+    "httpx",
+    "aiohttp",
+    "huggingface_hub",
+}
 PERMISSIVE = re.compile(r"^(MIT|BSD|Apache|PSF|0BSD|Zlib|CC0|BSL|MPL-2.0|OR|AND|WITH LLVM)")
 
 
@@ -59,7 +71,7 @@ def imported(file: Path) -> set[str]:
     return names
 
 
-def test_only_data_get_imports_what_can_fetch() -> None:
+def test_only_data_get_and_the_hub_import_what_can_fetch() -> None:
     source = ROOT / "src" / "unproject"
     found = {str(file.relative_to(source)) for file in source.rglob("*.py") if imported(file) & NETWORK}
     assert {name for name in found if not name.startswith(SERVES)} == FETCHES

@@ -1554,7 +1554,7 @@ FOUNDATIONS = (
     mutant(
         "checkpoint: a file of another program is loaded",
         "training/checkpoint.py",
-        'if (file.metadata() or {}).get("format") != FORMAT:',
+        "if stored != FORMAT:",
         "if False:",
         "training/test_checkpoint.py",
     ),
@@ -2880,6 +2880,51 @@ COLLECTIONS = (
     ),
 )
 
+STUDIO = (
+    mutant(
+        "studio: a picture that is not wanted any more is explained to the end",
+        "studio/explaining.py",
+        "if self._unwanted.is_set() and not self.ended:",
+        "if False:",
+        "studio/test_fits.py::test_what_it_finds_first_is_shown_while_it_goes_on",
+    ),
+    mutant(
+        "studio: an error names the temporary file",
+        "studio/explaining.py",
+        "raise UserError(str(error).replace(file, name)) from None",
+        "raise",
+        "studio/test_fits.py::test_a_bad_upload_is_said",
+    ),
+    mutant(
+        "event files: lengths have no checksum",
+        "training/event_file.py",
+        "return length + _masked(length) + content",
+        "return length + length[:4] + content",
+        "training/test_event_file.py",
+    ),
+    mutant(
+        "sharing: paths of the machine are shared",
+        "sharing/shared.py",
+        "return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value",
+        "return value",
+        "sharing/test_sharing.py::test_nothing_that_is_shared_names_a_folder_of_this_machine",
+    ),
+    mutant(
+        "sharing: optimisers are shared",
+        "sharing/shared.py",
+        'part[0] == "panels" and part[2] == "assignment"',
+        'part[0] == "panels"',
+        "sharing/test_sharing.py::test_a_shared_run_can_be_fitted_and_is_small",
+    ),
+    mutant(
+        "fit: a generator that tuning spoils is taken",
+        "inversion/fitter.py",
+        "return own if after <= before else x",
+        "return own",
+        "inversion/test_fitter.py::test_a_generator_that_tuning_spoils_is_left_as_it_is",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2905,4 +2950,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *CHOICES,
     *INVERSION,
     *COLLECTIONS,
+    *STUDIO,
 )

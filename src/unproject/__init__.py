@@ -74,6 +74,8 @@ _HOME = {
     "train": "unproject.training",
     "resume": "unproject.training",
     "load": "unproject.training",
+    "from_pretrained": "unproject.sharing",
+    "push_to_hub": "unproject.sharing",
     "UserError": "unproject._types",
 }
 _SUBMODULES = (
@@ -89,6 +91,7 @@ _SUBMODULES = (
     "projections",
     "recipes",
     "report",
+    "sharing",
     "testing",
 )
 
@@ -123,6 +126,7 @@ if TYPE_CHECKING:
     from . import projections as projections
     from . import recipes as recipes
     from . import report as report
+    from . import sharing as sharing
     from . import testing as testing
     from ._types import UserError as UserError
     from .adversarial.adaptive import Adaptive as Adaptive
@@ -176,6 +180,8 @@ if TYPE_CHECKING:
     from .projections.rendering import Rendering as Rendering
     from .projections.selection import Selection as Selection
     from .projections.silhouette import Silhouette as Silhouette
+    from .sharing import from_pretrained as from_pretrained
+    from .sharing import push_to_hub as push_to_hub
     from .training import Adam as Adam
     from .training import Options as Options
     from .training import Recipe as Recipe

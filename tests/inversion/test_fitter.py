@@ -165,6 +165,20 @@ def test_tuning_changes_a_copy_of_the_generator() -> None:
     torch.testing.assert_close(tuned.x[1], plain.x[1])
 
 
+def test_a_generator_that_tuning_spoils_is_left_as_it_is() -> None:
+    torch.manual_seed(0)
+    generator, viewing = Seats(), seats()
+    _, pictures, known = one_seat(viewing, [0.3, 1.2])
+    before = generator.scale.detach().clone()
+    plain, tuned = (
+        Fitter(generator, viewing, Search(candidates=8, starts=2, steps=3, tune=n, tune_rate=10.0)).fit(pictures, known)
+        for n in (0, 30)
+    )
+    assert torch.equal(generator.scale, before) and generator.scale.requires_grad
+    assert tuned.error <= plain.error
+    torch.testing.assert_close(tuned.x, plain.x)
+
+
 def test_the_same_seed_finds_the_same() -> None:
     viewing = seats()
     _, pictures, _ = one_seat(viewing, [0.3])

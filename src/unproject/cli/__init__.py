@@ -28,6 +28,7 @@ VERBS = {
     "report": "write a page about a run: verdict, samples, curves, data, commands",
     "studio": "look at runs in a browser, while they train too",
     "export": "write samples as meshes, pictures, turntables or material maps",
+    "share": "write a run for others, or send it to the Hugging Face Hub, with a model card",
     "fit": "find the shape, material or image behind given pictures",
     "render": "render the maps of a material under natural, directional, coloured or ambient light",
     "reproduce": "train and score the arms of a figure of the paper, or print its networks",

@@ -19,8 +19,8 @@ from .._files import atomic_path
 from .._types import UserError
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..export.pictures import graphs
-from ..inversion import DOUBTFUL
 from ..training.description import describe
+from ..training.fitted_pictures import as_seen, doubts
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from ..inversion import Fit, Fitter, Novelty
     from ..training import Run
 
-FAR = 0.6
-"""The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
 CELL, SHOWN = 96, 24
 """Pixels of a picture on the sheet, and objects on it at most."""
 
@@ -112,13 +110,7 @@ def _entry(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str
 def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
     """Return what fit.json holds of an object."""
     p = None if job.novelty is None else job.novelty.p_values(found.floats())
-    why = []
-    if p is not None and p.min() < DOUBTFUL:
-        why.append(f"its pictures are of another kind than those of training (p {p.min():.3f})")
-    if fit.error > FAR:
-        why.append(f"no sample's projection comes near (distance {fit.error:.2f}, {FAR:g} is far)")
-    if job.opened.domain.empty(fit.x[:1]):
-        why.append("nothing is to be seen of what was found, so that it has no file")
+    why = doubts(job.opened, fit, p)
     views = [
         {
             "picture": name,
@@ -142,7 +134,8 @@ def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
     file = folder / ("textures" if job.to in MATERIAL_FORMATS else f"{folder.name}.{job.to}")
     if not domain.empty(fit.x[:1]):
         domain.exporters[job.to](domain.largest_part(fit.x[:1]), file)
-    pairs = torch.stack([pictures, fit.projected.clamp(0, 1)], 1).flatten(0, 1)
+    seen = [as_seen(job.fitter.viewing.projection, y) for y in (pictures, fit.projected)]
+    pairs = torch.stack(seen, 1).flatten(0, 1)
     shown = picture_sheet(graphs(pairs) if pairs.dim() == 3 else pairs, columns=2, cell=CELL)
     preview = domain.preview(fit.x[:1])
     row = Image.new("RGB", (shown.width + preview.width, max(shown.height, preview.height)), "white")

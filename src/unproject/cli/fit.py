@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,17 +10,9 @@ from .._types import UserError
 from ._machine import use_threads
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from torch import Tensor
-
     from ..assignment import AssignmentState
-    from ..data import Collection
     from ..inversion import Viewing
     from ..training import Run
-
-FORMATS = {"volume": "glb", "image": "png", "maps": "maps"}
-"""What is written of each sample that was found, by the domain."""
 
 
 def run(
@@ -81,6 +72,7 @@ def run(
     from ..data import Collection
     from ..inversion import Search
     from ..training import load
+    from ..training.fitted_pictures import FORMATS, framed_viewing, given_view, known_views, observed
     from ..training.fitting import novelty_of, viewing_of
     from ._fits import Job, write_fits
 
@@ -110,18 +102,6 @@ def state_of_run(opened: Run, observation: str | None, trust: bool) -> Assignmen
     return state_of(opened.assignments(opened.recipe(trust)), observation)
 
 
-def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
-    """Return the viewing of pictures that are cropped as they are read, where the run's were not."""
-    from ..data import are_pictures
-    from ..projections.framed import FramedSilhouette
-    from ..projections.silhouette import Silhouette
-
-    cropped = paths[0].is_dir() or are_pictures(paths)
-    if cropped and isinstance(viewing.projection, Silhouette):
-        return replace(viewing, projection=FramedSilhouette(viewing.projection))
-    return viewing
-
-
 def lit_viewing(opened: Run, view: str | None, light: str) -> Viewing:
     """Return how photographs of a material come about under the light and from the view that are given."""
     from ..inversion import Viewing
@@ -140,47 +120,3 @@ def lit_viewing(opened: Run, view: str | None, light: str) -> Viewing:
     drawn = [Uniform("jitter", 0, 1)] if "jitter" in rendering.latents else []
     prior = Product(*(Uniform(name, value, value) for name, value in fixed.items()), *drawn)
     return Viewing.of([Observation("given", rendering, prior)])
-
-
-def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
-    """Return the latents that --view gives, radians, in the order in which the projection takes them."""
-    try:
-        degrees = [float(part) for part in view.split(",")]
-    except ValueError:
-        degrees = []
-    if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
-        raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
-    return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}
-
-
-def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float) -> Collection:
-    """Return the pictures, as the viewing's projection makes them."""
-    from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
-    from ..data.measured_lines import standardised_lines
-    from ..data.readers.pictures import picture_files
-    from ..projections import Cropped, FramedSilhouette, Silhouette
-
-    if not paths:
-        raise UserError("fit: name pictures, a folder of them or an .npz")
-    size, listed = opened.generator.sample(1, batch=1).shape[-1], are_pictures(paths)
-    if len(paths) > 1 and not listed:
-        raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
-    if opened.domain.name == "maps":
-        return read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
-    if opened.domain.name == "image":
-        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale)
-    if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
-        if listed:
-            raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
-        return read(paths[0], size, pictures="images")
-    found = read_silhouettes(paths, 2 * size) if listed else read(paths[0], 2 * size if paths[0].is_dir() else None)
-    return mapped(found, viewing.projection.prepare)
-
-
-def known_views(found: Collection, viewing: Viewing, given: Mapping[str, float]) -> dict[str, Tensor] | None:
-    """Return what is known of each picture's view: what is given, or else stands beside the pictures."""
-    import torch
-
-    taken = {*viewing.projection.latents, *viewing.projection.optional_latents}
-    beside = {name: value for name, value in (found.latents or {}).items() if name in taken}
-    return beside | {name: torch.full((len(found),), value) for name, value in given.items()} or None

@@ -13,6 +13,7 @@ def run(
     *,
     port: int = 8600,
     host: str = "127.0.0.1",
+    example: bool = False,
     threads: int | None = None,
     trust: bool = False,
 ) -> None:
@@ -25,10 +26,14 @@ def run(
         port: of the address (0: any that is free).
         host: the address to listen at. With another one than this machine's own, others can ask too, if they have the
             token that is printed; what is sent is not encrypted.
+        example: put a trained run of chairs, which comes with the package, beside the others first.
         threads: processor threads (default: all cores).
         trust: import code of runs although it is not of this package.
     """
+    from ..sharing import put_example
     from ..studio import serve
 
     use_threads(threads)
+    if example:
+        put_example("chairs", folder)
     serve(folder, host, port, trust)

@@ -26,6 +26,7 @@ def run(
     threads: int | None = None,
     quiet: bool = False,
     force: bool = False,
+    log: Literal["tensorboard"] | None = None,
 ) -> None:
     """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
 
@@ -38,6 +39,7 @@ def run(
         device: where to compute.
         threads: processor threads (default: all cores).
         quiet: no progress bar, and no verdict on the screen.
+        log: tensorboard keeps the log as an event file of TensorBoard too, in OUT/tensorboard; resume goes on with it.
         force: train although the estimate says that memory is too small.
     """
     from ..training import train
@@ -54,7 +56,7 @@ def run(
     if not quiet:
         say(f"{out}: watch it in a browser with unproject studio {shlex.quote(str(out.parent))}")
     release()
-    finished = train(recipe, out, start=from_, device=device, quiet=quiet)
+    finished = train(recipe, out, start=from_, device=device, quiet=quiet, log=log)
     if not finished.step:
         say(f"{out}: stopped before the first step was done; unproject resume {out} starts again")
         return

@@ -42,6 +42,8 @@ HEARD = 0.02
 """Explanations with less of the best one's weight have no part in the posterior of views."""
 LEAST = 0.02
 """Added to distances for weights: differences as small as those of interpolation decide nothing."""
+Watch = Callable[[float, Tensor, Tensor], None]
+"""(part that is done, best sample (1, ...), its projections (M, ...)): told of each step of the descent."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +94,12 @@ class Fitter:
         """The samples that pictures are compared with first."""
         return Candidates(self.generator, self.viewing, self.search.candidates, self.seed, self.repeated)
 
-    def fit(self, pictures: Tensor, known: Latents | None = None) -> Fit:
+    def fit(self, pictures: Tensor, known: Latents | None = None, watch: Watch = lambda *of: None) -> Fit:
         """Return explanations of pictures (M, ...) of one object.
 
         Args:
             known: latents of the views that are known, by name, (M,) each.
+            watch: told of each step; what it raises ends the fit.
 
         Raises:
             UserError: if there is no picture, or they are not of the size of the generator's projections.
@@ -108,7 +111,7 @@ class Fitter:
         of = Pictures(pictures, known, self.viewing.possible(known, len(pictures)))
         rng = generator_at(self.seed, 0, "fit")
         with _without_gradient(self.generator):
-            state = self._descended(self._starts(of, rng), of, rng)
+            state = self._descended(self._starts(of, rng), of, rng, watch)
             return self._explained(state, of, rng)
 
     @torch.no_grad()
@@ -127,7 +130,7 @@ class Fitter:
         best = distance.sum(1).topk(self.search.starts, largest=False).indices
         return State(candidates.latents, bins, theta)[best]
 
-    def _descended(self, state: State, of: Pictures, rng: torch.Generator) -> State:
+    def _descended(self, state: State, of: Pictures, rng: torch.Generator, watch: Watch) -> State:
         """Return the state after the descent, the best start first; a generator of its own makes it if tuned."""
         search, candidates = self.search, self.candidates
         v = state.v.clone().requires_grad_(True)
@@ -139,7 +142,10 @@ class Fitter:
             x = candidates.synthesise(v)
             if step and step % every == 0:
                 state = self._better_viewed(state, x.detach(), of, rng)
-            energy = self._energy(v, candidates.distance(candidates.project(x, state.theta, len(of)), of.y))
+            projected = candidates.project(x, state.theta, len(of))
+            energy = self._energy(v, candidates.distance(projected, of.y))
+            best = int(energy.argmin())
+            watch(step / search.steps, x[best : best + 1].detach(), projected[best].detach())
             adam.zero_grad()
             energy.sum().backward()
             adam.step()
@@ -185,7 +191,7 @@ class Fitter:
         order = energy.argsort()
         state, x = state[order], x[order]
         if self.search.tune:
-            x[:1] = tuned(candidates, self.search, state.v[:1], state[torch.tensor([0])].theta, of.y)
+            x[:1] = self._tuned(x[:1], state[torch.tensor([0])], of)
         with torch.no_grad():
             projected = candidates.project(x, state.theta, len(of))
             distance = candidates.distance(projected, of.y)
@@ -194,6 +200,15 @@ class Fitter:
             bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
             posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
             return Fit(self.generator.filled(x), state.v, distance, weight, state.theta, posterior, projected[0])
+
+    def _tuned(self, x: Tensor, state: State, of: Pictures) -> Tensor:
+        """Return the sample (1, ...) of a generator that was trained for the pictures, unless it is further off."""
+        own = tuned(self.candidates, self.search, state.v, state.theta, of.y)
+        with torch.no_grad():
+            theta = {name: value.expand(2, -1) for name, value in state.theta.items()}
+            projected = self.candidates.project(torch.cat([x, own]), theta, len(of))
+            before, after = self.candidates.distance(projected, of.y).sum(1).tolist()
+        return own if after <= before else x
 
     def _posterior(self, x: Tensor, state: State, found: Tensor, of: Pictures, rng: torch.Generator) -> Tensor:
         """Return (S, M, K), the probability of each bin for each explanation."""

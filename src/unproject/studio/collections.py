@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from PIL import Image
 from torch import Tensor
 
 from .. import export
@@ -23,6 +24,7 @@ from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.run_directory import naming, read_recipe
 from .answers import Answer, Request, of_json
+from .downloads import attachment
 from .state import State
 
 VIEWS = "views.csv"
@@ -143,6 +145,24 @@ def show_pictures(state: State, request: Request) -> Answer:
     return of_json(state.compute(page))
 
 
+def show_mask(state: State, request: Request) -> Answer:
+    """Answer with one silhouette, a held-out one if there are such, as a file that can be dropped."""
+
+    def file() -> Answer:
+        _, chosen = _of(state, request)
+        count, total = len(chosen.state.panel), len(chosen.names)
+        first = count if total > count else 0
+        row = first + request.whole("number", 0, 0, 10**6) % (total - first)
+        y = chosen.picture(row)[0]
+        if len(y) != 1:
+            raise UserError("the pictures of this run are no silhouettes; drop one of your own")
+        content = io.BytesIO()
+        Image.fromarray((y[0] * 255).round().byte().numpy()).save(content, "PNG")
+        return attachment(content.getvalue(), f"{Path(chosen.names[row]).stem}.png")
+
+    return state.compute(file)
+
+
 def _entry(chosen: Sorted, row: int, view: int, corrected: dict[str, int]) -> dict[str, Any]:
     shown = export.picture_sheet(chosen.picture(row), columns=1, cell=CELL)
     name = chosen.names[row]
@@ -205,11 +225,25 @@ def correct(state: State, request: Request) -> Answer:
     return of_json({"file": str(file), "corrected": len(corrected)})
 
 
+def download_views(state: State, request: Request) -> Answer:
+    """Answer with the views of all pictures as views.csv."""
+    _, chosen = state.compute(lambda: _of(state, request))
+    angles = chosen.angles()
+    if angles is None:
+        raise UserError("the views of these pictures have no azimuth; there is no views.csv of them")
+    views = _with(chosen, _corrected(state, request.text("run"), chosen))
+    return attachment(_table(chosen, views, angles).encode(), VIEWS)
+
+
 def _write(file: Path, chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> None:
+    with naming(file), atomic_path(file) as temporary:
+        temporary.write_text(_table(chosen, views, angles), encoding="utf-8")
+
+
+def _table(chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["file", *angles[0]])
     for name, view in zip(chosen.names, views.tolist(), strict=True):
         table.writerow([name, *(f"{angle:g}" for angle in angles[view].values())])
-    with naming(file), atomic_path(file) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+    return text.getvalue()

@@ -16,6 +16,7 @@ from ..report.pictures import Picture, picture_of
 from ..report.shapes import is_drawable, shape_data
 from ..training import Run
 from .answers import Answer, Request, of_json
+from .downloads import exported
 from .space import DIRECTIONS, PICKS, Space
 from .state import State
 
@@ -77,7 +78,11 @@ def show_sample(state: State, request: Request) -> Answer:
 
 def drawn(space: Space, request: Request) -> dict[str, Any]:
     """Return what the browser draws of the sample at the place of a request."""
-    x, domain = at_place(space, request), space.run.domain
+    return drawn_sample(space.run.domain, at_place(space, request))
+
+
+def drawn_sample(domain: Domain, x: Tensor) -> dict[str, Any]:
+    """Return what the browser draws of a sample (1, ...)."""
     if domain.name == "volume" and is_drawable(x):
         found = shape_data(x, 1, FACES)
         if not found["items"]:
@@ -86,6 +91,18 @@ def drawn(space: Space, request: Request) -> dict[str, Any]:
     if is_material(domain, x):
         return material_data(x, domain, 1)  # pyright: ignore[reportArgumentType]
     return {"kind": "picture", "picture": large(domain, x).uri}
+
+
+def download(state: State, request: Request) -> Answer:
+    """Answer with the sample at a place as a file."""
+    name = request.text("run")
+
+    def file() -> Answer:
+        space = space_of(state, name)
+        called = f"{name.rpartition('/')[2]}-{1 + request.whole('pick', 0, 0, PICKS - 1)}"
+        return exported(space.run.domain, at_place(space, request), request.text("to"), called)
+
+    return state.compute(file)
 
 
 def at_place(space: Space, request: Request) -> Tensor:

@@ -25,7 +25,9 @@ class Folder:
 
     def __init__(self, root: Path) -> None:
         if not root.is_dir():
-            raise UserError(f"{root}: there is no such folder; give the one that holds runs, such as runs/")
+            raise UserError(
+                f"{root}: there is no such folder; give the one that holds runs, such as runs/, or add --example"
+            )
         self.root = root.resolve()
         self.given = root
 

@@ -58,7 +58,7 @@ def show_maps(state: State, request: Request) -> Answer:
     for name, part in unpack_maps(maps[None]).items():
         seen = part / 2 + 0.5 if name == "normal" else part.clamp(0, 1) ** (1 / 2.2) if name != "roughness" else part
         shown[name] = picture_of(export.picture_sheet(seen, columns=1, cell=256), name, 256).uri
-    return of_json({"maps": shown, "lights": [*procedural_probes()[1], *LAMPS]})
+    return of_json({"maps": shown, "lights": [*state.kept(("probes",), procedural_probes)[1], *LAMPS]})
 
 
 def render(state: State, request: Request) -> Answer:
@@ -91,7 +91,7 @@ def _scene(state: State, request: Request) -> Scene:
 
 
 def _environment(state: State, name: str) -> Environments:
-    probes, names = procedural_probes()
+    probes, names = state.kept(("probes",), procedural_probes)
     if name in names:
         return state.kept(("environment", name), lambda: exposed(probes[names.index(name)]), 16)
 

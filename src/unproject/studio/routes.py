@@ -5,14 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 
-from . import collections, explore, materials, runs
+from . import collections, explore, fits, materials, runs
 from .answers import Answer, Missing, Request, tagged
 from .state import State
 
 Route = Callable[[State, Request], Answer]
 
 KINDS = {"html": "text/html; charset=utf-8", "css": "text/css; charset=utf-8", "js": "text/javascript; charset=utf-8"}
-OWN = ("app.js", "studio.css", "runs.js", "explore.js", "choose.js", "materials.js", "collections.js")
+OWN = (
+    "app.js",
+    "studio.css",
+    "runs.js",
+    "explore.js",
+    "choose.js",
+    "materials.js",
+    "collections.js",
+    "export.js",
+    "fit.js",
+)
 REPORT = ("viewer.js", "shapes.js", "materials.js", "page.css")
 """Files of the page: its own, and those that the report has too."""
 
@@ -45,5 +55,15 @@ ROUTES: Mapping[tuple[str, str], Route] = {
     ("GET", "/api/collection"): collections.show_collection,
     ("GET", "/api/pictures"): collections.show_pictures,
     ("POST", "/api/view"): collections.correct,
+    ("GET", "/api/export"): explore.download,
+    ("GET", "/api/mask"): collections.show_mask,
+    ("GET", "/api/views.csv"): collections.download_views,
+    ("GET", "/api/report.html"): runs.download_report,
+    ("GET", "/api/kinds"): fits.show_kinds,
+    ("POST", "/api/fit"): fits.begin_fit,
+    ("POST", "/api/stop"): fits.stop_fit,
+    ("GET", "/api/fit"): fits.show_fit,
+    ("GET", "/api/fit/drawn"): fits.draw_fit,
+    ("GET", "/api/fit/file"): fits.download_fit,
 }
 """(method, path) → what answers."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tempfile
 import time
 from importlib import import_module
 from pathlib import Path
@@ -11,9 +12,12 @@ from typing import Any
 from PIL import Image
 
 from .._types import UserError
+from ..report import write_report
 from ..report.contents import Contents, number, read_contents
 from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
+from ..training.checkpoint import why_unreadable
 from .answers import Answer, Missing, Request, of_json, tagged
+from .downloads import attachment
 from .state import State
 
 STILL = 120.0
@@ -69,7 +73,7 @@ def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
         "verdict": str(verdict.get("word", "")),
         "line": str(verdict.get("line", "")),
         "picture": contents.previews[-1][0] if contents.previews else None,
-        "said": " ".join(contents.remarks),
+        "said": " ".join([*contents.remarks, why_unreadable(path / "checkpoints")]).strip(),
     }
 
 
@@ -112,6 +116,19 @@ def picture(state: State, request: Request) -> Answer:
     file = found[-1]
     key = ("picture", name, file.name, file.stat().st_mtime, small)
     return tagged(Answer(state.kept(key, lambda: _webp(file, small)), WEBP), request)
+
+
+def download_report(state: State, request: Request) -> Answer:
+    """Answer with the page that `unproject report` writes of a run, as it is now."""
+    name = request.text("run")
+    path = state.folder.run(name)
+
+    def written() -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            file = write_report(path, Path(folder) / "report.html", data=False, trust=state.trust)
+            return file.read_bytes()
+
+    return attachment(state.compute(written), f"{path.resolve().name}.html")
 
 
 def _webp(file: Path, small: bool) -> bytes:

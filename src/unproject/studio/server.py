@@ -163,6 +163,7 @@ def serve(folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 8600
         UserError: if there is no such folder, or the port is taken.
     """
     with Studio(folder, host, port, trust) as studio:
+        respond(studio.state, "GET", "/api/runs", Request({}))  # reads all logs once, so that the page is there at once
         print(f"studio: {studio.address}  (Ctrl-C ends it)", flush=True)
         try:
             studio.serve_forever()

@@ -53,9 +53,27 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
     """The tensors of a checkpoint whose names begin with `prefix`. Raises UserError if it is not one of ours."""
     try:
         with safe_open(path, framework="pt") as file:
-            if (file.metadata() or {}).get("format") != FORMAT:
-                raise UserError(f"{path}: not a checkpoint of unproject ({FORMAT}); point to a run of this program")
+            check_format(path, (file.metadata() or {}).get("format", ""))
             wanted = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
             return {name: file.get_tensor(name).clone() for name in wanted}  # else they live in the mapped file
     except (SafetensorError, OSError) as error:
         raise UserError(f"{path}: damaged ({error}); delete it, and the run resumes from the one before") from error
+
+
+def check_format(path: Path, stored: str) -> None:
+    """Raise UserError unless a checkpoint's format is ours: it may be of a newer version, or of another program."""
+    if stored.startswith(FORMAT.rstrip("0123456789")) and stored != FORMAT:
+        raise UserError(f"{path}: written by a newer version of unproject ({stored}, not {FORMAT}); use that version")
+    if stored != FORMAT:
+        raise UserError(f"{path}: not a checkpoint of unproject ({FORMAT}); point to a run of this program")
+
+
+def why_unreadable(folder: Path) -> str:
+    """Return why the newest checkpoint cannot be read, by its header; "" if it can be, or there is none."""
+    found = list_checkpoints(folder)
+    try:
+        if found:
+            load(found[-1], prefix="?")
+    except UserError as error:
+        return str(error)
+    return ""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from .._types import UserError
-from . import checkpoint, run_directory
+from . import checkpoint, event_file, run_directory
 from .distribution import Distribution
 from .health import Diverged
 from .origin import rebuild
@@ -20,7 +21,13 @@ from .trainer import Interrupted, Trainer
 
 
 def train(
-    recipe: Recipe, out: str | Path, *, start: str | Path | None = None, device: str = "auto", quiet: bool = False
+    recipe: Recipe,
+    out: str | Path,
+    *,
+    start: str | Path | None = None,
+    device: str = "auto",
+    quiet: bool = False,
+    log: Literal["tensorboard"] | None = None,
 ) -> Run:
     """Train a recipe into a new run directory and return the run.
 
@@ -31,6 +38,7 @@ def train(
             same, and of discriminators and the view predictor where they fit. It may be deleted afterwards.
         device: "auto", "cpu" or "cuda".
         quiet: show no progress bar.
+        log: "tensorboard" keeps the log as an event file of TensorBoard too, in OUT/tensorboard.
 
     Raises:
         UserError: if `out` holds a run already, training diverges twice, or the generator of `start` is another.
@@ -58,6 +66,8 @@ def train(
     distribution.barrier()
     if distribution.leads:
         run_directory.create(out, recipe, began)
+        if log is not None:
+            (out / event_file.FOLDER).mkdir(exist_ok=True)
     with run_directory.locked(out, distribution.leads):
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())

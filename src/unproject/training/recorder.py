@@ -1,4 +1,4 @@
-"""Write a run's log to disk and show its progress on the screen."""
+"""Write a run's log to disk, for TensorBoard too if the run has its folder, and show its progress on the screen."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from .._files import atomic_path
+from .event_file import FOLDER, EventFile
 from .run_directory import naming
 
 
@@ -34,6 +35,7 @@ class Recorder:
         if leads:
             self._keep(lines)
         self.stream = self.file.open("a", encoding="utf-8")
+        self.events = EventFile(path, _lines(self.file)) if leads and (path / FOLDER).is_dir() else None
         self.bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -70,12 +72,18 @@ class Recorder:
         self.bar.stop()
         with suppress(OSError):  # a line that did not fit on a full disk is still in the buffer
             self.stream.close()
+        if self.events:
+            with suppress(OSError):
+                self.events.close()
 
     def write(self, step: int, seconds: float, **values: Any) -> None:
         """Append one line to stats.jsonl."""
+        line = {"step": step, "seconds": round(seconds, 3), **values}
         with naming(self.file):
-            self.stream.write(json.dumps({"step": step, "seconds": round(seconds, 3), **values}) + "\n")
+            self.stream.write(json.dumps(line) + "\n")
             self.stream.flush()
+            if self.events:
+                self.events.write(line)
         self.lines += 1
 
     def show(self, progress: float, note: str) -> None:
@@ -96,3 +104,7 @@ class Recorder:
                 self.bar.remove_task(task)
 
         return update
+
+
+def _lines(file: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]

@@ -1,10 +1,14 @@
 // The page: which panel is open, what the address bar holds, and how panels ask the server.
 import { collectionsPanel } from "/assets/collections.js";
 import { explorePanel } from "/assets/explore.js";
+import { fitPanel } from "/assets/fit.js";
 import { materialsPanel } from "/assets/materials.js";
 import { runsPanel } from "/assets/runs.js";
 
-const PANELS = { runs: ["Runs", runsPanel], explore: ["Explore", explorePanel], materials: ["Materials", materialsPanel], collections: ["Collections", collectionsPanel] };
+const PANELS = {
+  runs: ["Runs", runsPanel], explore: ["Explore", explorePanel], materials: ["Materials", materialsPanel],
+  collections: ["Collections", collectionsPanel], fit: ["Fit", fitPanel],
+};
 const trouble = document.getElementById("trouble");
 let close = () => {};
 
@@ -40,7 +44,7 @@ export function address(path, query = {}) {
 export async function ask(path, query, options) {
   let answer;
   try {
-    answer = await fetch(address(path, query), options);
+    answer = await fetch(address(path, query), { signal: open.left.signal, ...options });
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new Error("The studio does not answer; is it still running?");
@@ -98,8 +102,13 @@ export function latest(work) {
   };
 }
 
+// What a panel has asked for is not waited for once it is left.
+export const left = () => open.left.signal;
+
 function open() {
   close();
+  if (open.left) open.left.abort();
+  open.left = new AbortController();
   say(null);
   const { panel, query } = here();
   for (const tab of document.querySelectorAll("#panels a")) {
@@ -124,10 +133,23 @@ Object.entries(PANELS).forEach(([panel, [title]], k) => {
   });
   tabs.append(tab);
 });
+const keys = document.getElementById("keys");
+keys.querySelector("button").onclick = () => keys.close();
+document.getElementById("help").onclick = () => keys.showModal();
+
+// A button that says which key it has is pressed by it.
+function press(key) {
+  const button = [...document.querySelectorAll("#panel [data-key]")].find((one) => one.dataset.key === key && one.offsetParent);
+  if (button) button.click();
+}
+
 addEventListener("hashchange", open);
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
+  if (event.key === "?") { keys.open ? keys.close() : keys.showModal(); return; }
+  if (keys.open) return;
   const panel = Object.keys(PANELS)[Number(event.key) - 1];
   if (panel) go(panel, panel === "runs" ? {} : { run: here().query.run });
+  else press(event.key.toLowerCase());
 });
 open();

@@ -2,13 +2,15 @@
 import { ask, keep, make, say } from "/assets/app.js";
 import { chooseRun } from "/assets/choose.js";
 import { title } from "/assets/explore.js";
+import { downloadButton } from "/assets/export.js";
 
 export function collectionsPanel(root, query) {
   if (!query.run) return chooseRun(root, "collections", (run) => run.kind !== "");
   const at = { panel: Number(query.panel || 0), view: query.view === undefined ? -1 : Number(query.view), page: Number(query.page || 0) };
   const about = make("p.facts", "reading the pictures …"), panels = make("div.bar"), bars = make("div.views", { role: "group", "aria-label": "views" });
-  const cells = make("div.cells.pictures"), pages = make("div.bar"), correction = make("section", { hidden: true }), skipped = make("section", { hidden: true });
-  root.append(title(query.run), about, panels, make("section", make("h2", "Views"), bars), make("section", make("h2", "Pictures"), make("p.small", "The least sure first. Choose one to correct its view."), cells, pages), correction, skipped);
+  const how = make("p.small"), table = downloadButton("Download views.csv", "/api/views.csv", () => ({ run: query.run, panel: at.panel }));
+  const cells = make("div.cells.pictures"), pages = make("div.bar"), correction = make("section", { hidden: true }), saved = make("p.saved", { hidden: true, role: "status" }), skipped = make("section", { hidden: true });
+  root.append(title(query.run), about, panels, make("section", make("h2", "Views"), bars, saved), make("section", make("h2", "Pictures"), how, cells, make("div.bar", pages, table)), correction, skipped);
   let found = null;
 
   async function collection() {
@@ -22,8 +24,11 @@ export function collectionsPanel(root, query) {
       const bar = make("meter", { min: 0, max: most, value: found.counts[k] });
       const button = choice("", at.view === k, () => { Object.assign(at, { view: k, page: 0 }); all(); });
       button.append(make("span", label), bar, make("span", String(found.counts[k])));
+      if (found.correctable) takesPictures(button, k);
       return button;
     }));
+    how.textContent = `The least sure first. ${found.correctable ? "Drag one to its view above, or choose it, to correct it." : ""}`;
+    table.hidden = !found.correctable;
     skipped.hidden = !found.skipped.length;
     skipped.replaceChildren(make("h2", "Skipped"), make("table", ...found.skipped.map(([name, why]) => make("tr", make("td", name), make("td", why)))));
   }
@@ -39,6 +44,8 @@ export function collectionsPanel(root, query) {
       const cell = make("button", { type: "button", title: one.name, disabled: !found.correctable }, make("img", { src: one.picture, alt: one.name }), make("span.small", `${label} ${sure}`));
       if (!one.corrected && one.sure !== null && one.sure < 0.5) cell.classList.add("unsure");
       cell.onclick = () => edit(one);
+      cell.draggable = found.correctable;
+      cell.ondragstart = (event) => { event.dataTransfer.setData("text/plain", one.name); event.dataTransfer.effectAllowed = "move"; };
       return cell;
     }));
     const count = Math.ceil(part.total / part.page);
@@ -48,19 +55,28 @@ export function collectionsPanel(root, query) {
       Object.assign(choice("→", false, () => { at.page += 1; all(); }), { disabled: at.page >= count - 1, ariaLabel: "next page" }),
     ] : []));
   }
+  function takesPictures(button, view) {
+    button.ondragover = (event) => { event.preventDefault(); button.classList.add("over"); };
+    button.ondragleave = () => button.classList.remove("over");
+    button.ondrop = (event) => {
+      event.preventDefault();
+      button.classList.remove("over");
+      correct(event.dataTransfer.getData("text/plain"), view).catch(say);
+    };
+  }
+  async function correct(name, view) {
+    const body = JSON.stringify({ run: query.run, panel: at.panel, name, view });
+    const { file } = await ask("/api/view", {}, { method: "POST", body, headers: { "Content-Type": "application/json" } });
+    await refresh();
+    saved.textContent = `Saved in ${file}, which holds the views of all pictures. Copy it beside them and train with --views known.`;
+    saved.hidden = false;
+  }
   function edit(one) {
     const select = make("select", { "aria-label": "its view" }, ...found.labels.map((label, k) => make("option", { value: k }, label)));
     select.value = one.view;
-    const note = make("p.small"), save = make("button", { type: "button" }, "Save its view");
-    save.onclick = async () => {
-      try {
-        const body = JSON.stringify({ run: query.run, panel: at.panel, name: one.name, view: Number(select.value) });
-        const { file } = await ask("/api/view", {}, { method: "POST", body, headers: { "Content-Type": "application/json" } });
-        await refresh();
-        note.textContent = `Saved in ${file}, which holds the views of all pictures. Copy it beside them and train with --views known.`;
-      } catch (error) { say(error); }
-    };
-    correction.replaceChildren(make("h2", one.name), make("div.bar", make("img.pixels.one", { src: one.picture, alt: one.name }), select, save), note);
+    const save = make("button", { type: "button" }, "Save its view");
+    save.onclick = () => correct(one.name, Number(select.value)).catch(say);
+    correction.replaceChildren(make("h2", one.name), make("div.bar", make("img.pixels.one", { src: one.picture, alt: one.name }), select, save));
     correction.hidden = false;
     correction.scrollIntoView({ block: "nearest" });
     select.focus();

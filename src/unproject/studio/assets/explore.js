@@ -1,6 +1,7 @@
 // Explore: turn a sample, move it along the directions in which samples differ most, go from one pick to another.
 import { ask, keep, latest, make, say } from "/assets/app.js";
 import { chooseRun } from "/assets/choose.js";
+import { exportBar, pictureButton } from "/assets/export.js";
 
 export function explorePanel(root, query) {
   if (!query.run) return chooseRun(root, "explore", () => true);
@@ -29,7 +30,11 @@ export function explorePanel(root, query) {
     draw(null);
   }
   fillControls(controls, place, changed);
-  fillGrid(grid, query, place, changed).then((found) => { view.shows = found.kind; }, say);
+  fillGrid(grid, query, place, changed).then((found) => {
+    const bar = exportBar(found.formats, "glb", "/api/export", asked);
+    bar.append(pictureButton(() => stage.querySelector("canvas"), () => `${query.run}-${place.pick + 1}-view`));
+    controls.append(make("h2", "Export"), bar);
+  }).catch(say);
   draw(null);
   return view.close;
 }
@@ -85,10 +90,11 @@ function fillControls(controls, place, changed) {
     }));
   const truncation = slider("truncation", place.truncation, 0, 1, 0.01, (value) => { place.truncation = value; changed(); });
   truncation.row.title = "1: as it was generated. 0: the mean of all.";
-  const mix = slider("between the picks", place.mix, 0, 1, 0.01, (value) => { place.mix = value; changed(); });
+  const mix = slider("mix of both", place.mix, 0, 1, 0.01, (value) => { place.mix = value; changed(); });
   mix.row.id = "mix";
   mix.row.hidden = place.other === null;
-  const reset = make("button", { type: "button" }, "Reset");
+  const reset = make("button", { type: "button", title: "key R" }, "Reset");
+  reset.dataset.key = "r";
   reset.onclick = () => {
     place.slides = [];
     place.truncation = 1;
@@ -103,7 +109,18 @@ function fillControls(controls, place, changed) {
 
 export async function fillGrid(grid, query, place, changed) {
   const second = make("button", { type: "button", "aria-pressed": "false" }, "Go towards another");
-  const pages = make("span"), cells = make("div.cells"), bar = make("div.bar", second, pages);
+  const pages = make("span"), cells = make("div.cells"), steps = ["p", "n"].map((key) => make("button", { type: "button", title: `key ${key.toUpperCase()}`, "aria-label": key === "n" ? "next sample" : "sample before" }, key === "n" ? "→" : "←"));
+  const bar = make("div.bar", ...steps, second, pages);
+  let total = 24, at = 0;
+  steps.forEach((button, k) => {
+    button.dataset.key = "pn"[k];
+    button.onclick = async () => {
+      place.pick = (place.pick + (k ? 1 : -1) + total) % total;
+      const wanted = Math.floor(place.pick / cells.children.length);
+      if (wanted !== at) await page(wanted).catch(say);
+      end();
+    };
+  });
   grid.append(bar, cells);
   const mix = document.getElementById("mix");
   const mark = () => cells.querySelectorAll("button").forEach((cell) => {
@@ -132,6 +149,7 @@ export async function fillGrid(grid, query, place, changed) {
   }
   async function page(k) {
     const found = await ask("/api/grid", { run: query.run, page: k });
+    [total, at] = [found.pages * found.samples.length, k];
     cells.replaceChildren(...found.samples.map((sample) => {
       const cell = make("button", { type: "button", value: sample.pick, title: `sample ${sample.pick + 1}` },
         make("img", { src: sample.picture, alt: `sample ${sample.pick + 1}` }));
@@ -147,5 +165,5 @@ export async function fillGrid(grid, query, place, changed) {
     return found;
   }
   if (place.other !== null) second.textContent = "End the way between two";
-  return page(0);
+  return page(Math.floor(place.pick / 24));
 }

@@ -1,11 +1,12 @@
 // Materials: a tile, a plane or a ball under a light; the server's own operator renders it.
-import { address, ask, keep, latest, make, say } from "/assets/app.js";
+import { address, ask, keep, latest, left, make, say } from "/assets/app.js";
 import { chooseRun } from "/assets/choose.js";
 import { fillGrid, title } from "/assets/explore.js";
+import { exportBar, store } from "/assets/export.js";
 
 const FORMS = { tile: "Tile", plane: "Plane, 2 × 2", ball: "Ball" };
 const LAMPS = ["directional", "coloured"];
-const FAST = 12, FINE = 96; // samples a pixel while a hand moves, and once it rests
+const FAST = 8, FINE = 96; // samples a pixel while a hand moves, and once it rests
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export function materialsPanel(root, query) {
@@ -18,17 +19,17 @@ export function materialsPanel(root, query) {
   };
   const image = make("img.rendering", { alt: "the material under a light", width: 256, height: 256, tabIndex: 0, draggable: false });
   const note = make("p.small", "rendering …"), forms = make("div.bar"), lights = make("select", { "aria-label": "light" });
-  const maps = make("div.maps"), grid = make("div.picks");
+  const maps = make("div.maps"), exports = make("div"), grid = make("div.picks");
   const mix = make("label.slider", { id: "mix", hidden: place.other === null }, make("span", "between the picks"),
     make("input", { type: "range", min: 0, max: 1, step: 0.01, value: place.mix }), make("output", String(place.mix)));
   const says = make("p.small", "Drag the picture to move the camera, with Shift or the second button to move the light; or use the arrow keys. Drop an .hdr or .exr here to light it by that.");
   root.append(title(query.run), make("div.explorer", make("section.lit", image, note, forms, make("div.bar", make("label", "Light "), lights), says),
-    make("section", make("h2", "Its maps"), maps)), make("section", make("h2", "Samples"), mix, grid));
+    make("section", make("h2", "Its maps"), maps, exports)), make("section", make("h2", "Samples"), mix, grid));
 
   const where = () => ({ run: query.run, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix });
   const render = latest(async (samples) => {
     const began = performance.now();
-    const answer = await fetch(address("/api/render", { ...where(), ...seen, samples }));
+    const answer = await fetch(address("/api/render", { ...where(), ...seen, samples }), { signal: left() });
     if (!answer.ok) throw new Error((await answer.json()).error);
     const before = image.src;
     image.src = URL.createObjectURL(await answer.blob());
@@ -117,10 +118,20 @@ export function materialsPanel(root, query) {
   document.addEventListener("dragover", over);
   document.addEventListener("drop", drop);
   changed().catch(say);
-  fillGrid(grid, query, place, () => changed().catch(say)).catch(say);
+  fillGrid(grid, query, place, () => changed().catch(say)).then((found) => {
+    const picture = make("button", { type: "button" }, "This rendering as a picture");
+    picture.onclick = () => asPng(image).then((blob) => store(blob, `${query.run.replace(/[^\w.-]+/g, "-")}-${place.pick + 1}.png`)).catch(say);
+    exports.append(make("h2", "Export"), exportBar(found.formats, "maps", "/api/export", where), make("div.bar", picture));
+  }).catch(say);
   return () => {
     clearTimeout(rest);
     document.removeEventListener("dragover", over);
     document.removeEventListener("drop", drop);
   };
+}
+
+function asPng(image) {
+  const canvas = make("canvas", { width: image.naturalWidth, height: image.naturalHeight });
+  canvas.getContext("2d").drawImage(image, 0, 0);
+  return new Promise((done) => canvas.toBlob(done));
 }

@@ -1,5 +1,6 @@
 // Runs: a list with pictures; one run as it trains, or two side by side.
 import { address, ask, go, keep, link, make, markup, repeatedly } from "/assets/app.js";
+import { downloadButton } from "/assets/export.js";
 
 const LIST_EVERY = 5, RUN_EVERY = 3; // seconds
 
@@ -13,10 +14,12 @@ export function budget(run) {
   return `${steps}, ${minutes}`;
 }
 
+const readable = (run) => run.step !== undefined;
+
 export function badge(run) {
   if (run.verdict) return make(`span.word.${run.verdict}`, run.verdict);
   if (run.training) return make("span.word.training", "training");
-  return make("span.word", run.recipe ? (run.complete ? "no verdict" : "unfinished") : "broken");
+  return make("span.word", readable(run) ? (run.complete ? "no verdict" : "unfinished") : "broken");
 }
 
 function showList(root) {
@@ -32,11 +35,11 @@ function showList(root) {
       if (box.checked) chosen.add(run.name); else chosen.delete(run.name);
       compare.disabled = chosen.size !== 2;
     };
-    const seen = run.picture === null ? make("div.blank", run.recipe ? "no picture yet" : "cannot be read")
-      : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240 });
+    const seen = run.picture === null ? make("div.blank", readable(run) ? "no picture yet" : "cannot be read")
+      : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240, loading: "lazy" });
     const bar = make("progress", { max: 1, value: run.progress || 0, "aria-label": "budget spent" });
-    const about = run.recipe ? [make("p.small", `${run.recipe.split(":").pop()} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
-    const words = run.line ? run.line.replace(/^\w+: /, "") : run.said;
+    const about = readable(run) ? [make("p.small", `${run.recipe.split(":").pop() || "own recipe"} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
+    const words = run.said || run.line.replace(/^\w+: /, "");
     return make("article.card", make("a.seen", { href: link("runs", { run: run.name }) }, seen),
       make("div.about", make("h2", make("a", { href: link("runs", { run: run.name }) }, run.name)),
         make("p", badge(run), make("label.pick", box, "compare")), ...about, make("p.small.says-so", words)));
@@ -69,10 +72,12 @@ function showRun(column, name, key, query) {
   const title = make("div.bar.title", make("h1", name)), facts = make("p.facts"), links = make("p.links");
   const image = make("img.sheet", { alt: `samples of ${name}` }), label = make("output");
   const slider = make("input", { type: "range", min: 0, step: 1, "aria-label": "step of training" });
+  const remark = make("p.remarks", { hidden: true });
   const samples = make("section", make("h2", "Samples over time"), image, make("div.bar", slider, label));
+  const report = downloadButton("Download its report", "/api/report.html", () => ({ run: name }));
   const parts = make("div");
   let before = "", steps = [], follow = !query[key];
-  column.append(title, facts, links, samples, parts);
+  column.append(title, facts, make("div.bar.actions", links, report), remark, samples, parts);
   const draw = () => {
     const step = steps[Number(slider.value)];
     samples.hidden = step === undefined;
@@ -91,7 +96,9 @@ function showRun(column, name, key, query) {
     if (now === before) return;
     before = now;
     title.replaceChildren(make("h1", name), badge(run));
-    facts.textContent = `recipe ${run.recipe || "unknown"} · ${run.recipe ? budget(run) : ""}`;
+    remark.textContent = run.said;
+    remark.hidden = !run.said;
+    facts.textContent = `recipe ${run.recipe || "of its own"} · ${budget(run)}`;
     links.replaceChildren(...linksOf(run));
     const at = follow ? run.pictures.length - 1 : run.pictures.indexOf(steps[Number(slider.value)] ?? Number(query[key]));
     steps = run.pictures;
@@ -100,7 +107,16 @@ function showRun(column, name, key, query) {
     draw();
     const { verdict, curves, views, commands, environment } = run.sections;
     parts.replaceChildren(...[verdict, curves, views, commands, environment].map(markup));
+    parts.querySelectorAll("button.copy").forEach(copies);
   });
+}
+
+function copies(button) {
+  button.hidden = !navigator.clipboard; // as on a page that another machine serves
+  button.onclick = async () => {
+    await navigator.clipboard.writeText(button.previousElementSibling.textContent);
+    button.textContent = "copied";
+  };
 }
 
 const FOR = { volumes: ["explore", "collections", "fit"], images: ["explore", "collections", "fit"], maps: ["explore", "materials", "fit"] };

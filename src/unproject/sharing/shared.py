@@ -1,0 +1,141 @@
+"""Shared: what others need of a run: a run directory like any, without optimisers, discriminators, and paths.
+
+Its checkpoint has the averaged generator, and what each panel's assignment learned of views, so that it can be sampled,
+exported, explored and fitted, but not resumed. Floats have 16 bits, labels of views 8 where they fit.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from .._files import atomic_path
+from .._types import UserError
+from ..training import Run, load
+from ..training import checkpoint as checkpoints
+from ..training.run_directory import VERDICT, write_json
+from .card import CARD, card_of
+
+EXAMPLES = ("chairs",)
+"""Runs that come with the package."""
+LOG, LINES = "stats.jsonl", 200
+"""The log, and lines of it that are shared at most."""
+PLACES = ("recipe.json", "environment.json", VERDICT)
+
+
+def example_path(name: str) -> Path:
+    """Return the directory of a run that comes with the package.
+
+    Raises:
+        UserError: if there is none of that name.
+    """
+    path = Path(str(files("unproject.sharing") / "examples" / name))
+    if name not in EXAMPLES or not path.is_dir():
+        raise UserError(f"{name}: no run of that name comes with the package; choose from {', '.join(EXAMPLES)}")
+    return path
+
+
+def put_example(name: str, folder: Path) -> Path:
+    """Copy a run that comes with the package into a folder of runs, unless it is there; return its directory.
+
+    Raises:
+        UserError: if there is none of that name.
+    """
+    path = folder / f"example-{name}"
+    if not (path / "recipe.json").is_file():
+        shutil.copytree(example_path(name), path, dirs_exist_ok=True)
+    return path
+
+
+def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str], trust: bool = False) -> Path:
+    """Write a run for others into a new folder: weights, recipe, verdict, the last picture, and a model card.
+
+    Paths in recipe.json and environment.json are shortened to their last part.
+
+    Args:
+        run: the run, or its directory.
+        folder: to make.
+        trust: import code outside this package.
+
+    Raises:
+        UserError: if there is no run, or the folder holds something already.
+
+    Examples:
+        >>> import unproject as up
+        >>> shared = up.sharing.save_pretrained(up.from_pretrained("chairs"), "shared")
+        >>> up.from_pretrained(shared).sample(1).shape
+        torch.Size([1, 32, 32, 32])
+    """
+    opened = run if isinstance(run, Run) else load(Path(run), trust=trust)
+    folder = Path(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserError(f"{folder}: is not empty; give another --out")
+    newest = checkpoints.newest(opened.path / "checkpoints")
+    tensors = {name: small(value) for name, value in checkpoints.load(newest).items() if is_shared(name)}
+    (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
+    checkpoints.save(folder / "checkpoints", opened.step, tensors)
+    for place in PLACES:
+        if (opened.path / place).is_file():
+            write_json(folder / place, without_paths(json.loads((opened.path / place).read_text(encoding="utf-8"))))
+    _copy_preview(opened.path, folder)
+    _copy_log(opened.path / LOG, folder / LOG)
+    with atomic_path(folder / CARD) as temporary:
+        temporary.write_text(card_of(opened, folder), encoding="utf-8")
+    return folder
+
+
+def _copy_preview(source: Path, folder: Path) -> None:
+    (folder / "samples").mkdir(exist_ok=True)
+    for picture in sorted((source / "samples").glob("step-*.png"))[-1:]:
+        shutil.copyfile(picture, folder / "samples" / picture.name)
+
+
+def _copy_log(source: Path, file: Path) -> None:
+    """Copy losses over time, a few hundred lines of them: events hold one number a picture."""
+    if source.is_file():
+        lines = [line for line in source.read_text(encoding="utf-8").splitlines(keepends=True) if "event" not in line]
+        rows = range(0, len(lines), -(-len(lines) // LINES) or 1)
+        with atomic_path(file) as temporary:
+            temporary.write_text("".join(lines[row] for row in rows), encoding="utf-8")
+
+
+def is_shared(name: str) -> bool:
+    """Whether others need a tensor of a checkpoint.
+
+    Examples:
+        >>> is_shared("average/bias"), is_shared("panels/0/optimisers/online/3"), is_shared("generator/bias")
+        (True, False, False)
+    """
+    part = name.split("/")
+    return part[0] == "average" or (part[0] == "panels" and part[2] == "assignment")
+
+
+def small(value: Tensor) -> Tensor:
+    """Return a tensor in 16 bits, and labels in 8 if all of them fit: loading brings them back to their own type."""
+    if value.dtype == torch.float32 and value.numel() > 1 and value.abs().max() < torch.finfo(torch.float16).max:
+        return value.half()
+    if value.dtype == torch.int64 and value.numel() > 1 and int(value.min()) >= 0 and int(value.max()) < 256:
+        return value.byte()
+    return value
+
+
+def without_paths(value: Any) -> Any:
+    """Return a JSON value whose absolute paths are shortened to their last part.
+
+    Examples:
+        >>> without_paths({"data": "/data/secret/masks", "rate": 0.1})
+        {'data': 'masks', 'rate': 0.1}
+    """
+    if isinstance(value, Mapping):
+        return {name: without_paths(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [without_paths(part) for part in value]
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value

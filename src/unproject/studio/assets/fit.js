@@ -1,0 +1,152 @@
+// Fit: a picture is dropped, and the sample behind it is found while one watches.
+import { address, ask, keep, make, say } from "/assets/app.js";
+import { chooseRun } from "/assets/choose.js";
+import { stageView, title } from "/assets/explore.js";
+import { exportBar } from "/assets/export.js";
+
+const WANTED = {
+  volumes: "a mask, a cut-out, or a photograph on a plain backdrop",
+  maps: "a photograph of a flat material, as the run was trained on",
+  images: "an .npz of line integrals (array lines or sinograms, and angle if it is known)",
+  "": "what the run was trained on",
+};
+const EVERY = 400; // milliseconds between looks
+
+export function fitPanel(root, query) {
+  if (!query.run) return chooseRun(root, "fit", (run) => run.kind !== "");
+  let closed = false, shown = null, chosen = 0;
+  const file = make("input", { type: "file", "aria-label": "picture" }), wanted = make("span");
+  const zone = make("label.zone", file, make("strong", "Drop a picture here"), make("span", "or choose a file: ", wanted));
+  const observation = make("select", { "aria-label": "kind of picture" }), which = make("label.field", make("span", "kind of picture"), observation);
+  const view = make("input", { type: "text", placeholder: "unknown", "aria-label": "view in degrees" });
+  const search = make("select", { "aria-label": "search" }), novelty = make("input", { type: "checkbox", checked: true });
+  const own = make("button", { type: "button", hidden: true }, "Take one of its own pictures");
+  const stage = make("div.stage"), note = make("p.small"), bar = make("progress", { max: 1, value: 0, "aria-label": "done" });
+  const stop = make("button", { type: "button" }, "Stop"), watch = make("section", { hidden: true }, stage, make("div.bar.watch", bar, stop), note);
+  const found = make("section", { hidden: true });
+  const intro = make("section.intro", make("h2", "The object behind a picture"),
+    make("p", "The run has learned what objects of a kind look like. Of all that it can make, this looks for the one whose projection is the picture, from whatever view it was taken, and shows it on its way."),
+    make("p", "One picture leaves much open: several explanations come with their weights, and the probability of each view. If the picture is of another kind than those the run has seen, the page says so."),
+    make("p.small", "The picture stays on this machine, and is not stored."));
+  const options = make("details", make("summary", "What is known of it"), which,
+    make("label.field", make("span", "view, degrees"), view), make("label.field", make("span", "search"), search),
+    make("label.check", novelty, "compare it with the pictures of training (half a minute, once)"));
+  root.append(title(query.run), make("div.fitter", make("section.give", zone, make("div.bar", own), options), intro, watch, found));
+  let drawing = null;
+
+  ask("/api/kinds", { run: query.run }).then((kinds) => {
+    wanted.textContent = `${WANTED[kinds.kind]}.`;
+    file.accept = kinds.suffixes.join(",");
+    which.hidden = !kinds.observations.length;
+    observation.append(...kinds.observations.map((name) => make("option", { value: name }, name)));
+    if (kinds.observations.includes("flash")) observation.value = "flash";
+    search.append(...kinds.searches.map((name) => make("option", { value: name }, name)));
+    own.hidden = kinds.kind !== "volumes";
+    options.open = Boolean(kinds.observations.length);
+  }).catch(say);
+
+  async function give(name, content) {
+    say(null);
+    const asked = { run: query.run, name, observation: observation.value, view: view.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
+    const { fit } = await ask("/api/fit", asked, { method: "POST", body: content });
+    begin(fit);
+  }
+  function begin(fit) {
+    [shown, chosen] = [fit, 0];
+    intro.hidden = true;
+    keep({ fit });
+    found.hidden = true;
+    if (drawing) drawing.close();
+    stage.replaceChildren();
+    drawing = stageView(stage, query);
+    follow(fit, -1);
+  }
+  // Looks again and again until the fit has ended; each look draws what has changed since.
+  async function follow(fit, moves) {
+    if (closed || fit !== shown) return;
+    try {
+      const now = await ask("/api/fit", { fit });
+      if (closed || fit !== shown) return;
+      watch.hidden = false;
+      tell(now);
+      // On its way it may be at a shape of which nothing is to be seen: that ends nothing.
+      if (now.drawable && now.moves !== moves) await draw(fit, chosen).catch((error) => { if (now.ended) say(error); });
+      if (now.explanations && (moves < 0 || now.moves !== moves)) show(now, fit);
+      if (!now.ended) setTimeout(() => follow(fit, now.moves), EVERY);
+    } catch (error) { say(error); }
+  }
+  function tell(now) {
+    const waits = { done: `Done in ${now.seconds} s.`, stopped: "Stopped.", failed: "It could not be done." };
+    note.textContent = `${now.name}: ${waits[now.stage] || `${now.stage} …`}`;
+    if (now.error) say(new Error(now.error));
+    bar.value = now.ended ? 1 : now.done;
+    bar.parentNode.hidden = now.ended;
+    stop.onclick = () => ask("/api/stop", { fit: shown }, { method: "POST", body: "" }).catch(say);
+  }
+  async function draw(fit, number) {
+    const drawn = await ask("/api/fit/drawn", { fit, which: number });
+    if (!closed && fit === shown) drawing.show(drawn);
+  }
+  function show(now, fit) {
+    const word = now.ended || !now.explained ? make(`span.word.${now.explained ? "good" : "doubtful"}`, now.explained ? "explained" : "not explained") : make("span.word", "found");
+    const says = now.explained ? `Its projection is at distance ${now.distance.toFixed(2)}: 0 is equal, 1 is unrelated.` : `${now.why}.`;
+    const likely = now.p === null ? [] : [make("p.small", `p ${now.p.toFixed(2)}: how likely a picture of the run's kind is so strange.`)];
+    const pair = make("div.pair", ...[["given", now.picture], ["found", now.projection]].map(([name, uri]) =>
+      make("figure", make("img", { src: uri, alt: name }), make("figcaption.small", name))));
+    const cells = make("div.cells", ...now.explanations.map((uri, k) => {
+      const share = Math.round(100 * now.weights[k]);
+      const cell = make("button", { type: "button", "aria-pressed": String(k === chosen), title: `explanation ${k + 1}, weight ${share} %` }, make("img", { src: uri, alt: `explanation ${k + 1}` }), make("span.small", `${share} %`));
+      cell.onclick = () => {
+        chosen = k;
+        [...cells.children].forEach((one, i) => one.setAttribute("aria-pressed", String(i === k)));
+        draw(fit, k).catch(say);
+      };
+      return cell;
+    }));
+    const views = Object.entries(now.views[0]).map(([name, value]) => `${name.replace("_", " ")} ${value}°`).join(", ");
+    found.replaceChildren(make("h2", "What was found"), make("p", word, " ", says), ...likely, pair,
+      make("h3", "Explanations, by how well each does"), cells,
+      make("h3", "View"), make("p.small", views ? `${views} of the best one.` : "There is none to be found."), ...(now.posterior.length > 1 ? [histogram(now)] : []),
+      make("h3", "Download"), exportBar(now.formats, now.format, "/api/fit/file", () => ({ fit, which: chosen })));
+    found.hidden = false;
+  }
+
+  const take = (chosen) => { if (chosen) give(chosen.name, chosen).catch(say); };
+  file.onchange = () => { take(file.files[0]); file.value = ""; };
+  own.onclick = async () => {
+    own.disabled = true;
+    try { await give(...await ownPicture(query.run)); } catch (error) { say(error); }
+    own.disabled = false;
+  };
+  const over = (event) => { event.preventDefault(); zone.classList.add("over"); };
+  const leave = () => zone.classList.remove("over");
+  const drop = (event) => { event.preventDefault(); leave(); take(event.dataTransfer.files[0]); };
+  document.addEventListener("dragover", over);
+  document.addEventListener("dragleave", leave);
+  document.addEventListener("drop", drop);
+  if (query.fit) begin(query.fit);
+  return () => {
+    closed = true;
+    if (drawing) drawing.close();
+    document.removeEventListener("dragover", over);
+    document.removeEventListener("dragleave", leave);
+    document.removeEventListener("drop", drop);
+  };
+}
+
+// One of the pictures that the run has, but was not trained on if there are such, as a file.
+async function ownPicture(run) {
+  const answer = await fetch(address("/api/mask", { run, number: Math.floor(1e6 * Math.random()) }));
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  return [/filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition"))[1], await answer.blob()];
+}
+
+// The probability of each view, as columns.
+function histogram(now) {
+  const most = Math.max(...now.posterior);
+  return make("figure", make("div.histogram", ...now.posterior.map((share, k) => {
+    const column = make("i", { title: `${now.labels[k]}: ${Math.round(100 * share)} %` });
+    column.style.height = `${Math.max((100 * share) / most, 1)}%`;
+    return column;
+  })), make("figcaption.small", `probability of each view, ${now.labels[0]} to ${now.labels.at(-1)} (${now.unit})`));
+}

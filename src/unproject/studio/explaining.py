@@ -1,0 +1,178 @@
+"""Explaining: the sample behind a picture that was dropped, as far as it has been found; as `unproject fit` does it."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from torch import Tensor
+
+from .._types import UserError
+from ..assignment import AssignmentState
+from ..data import Collection
+from ..inversion import Fit, Fitter, Novelty, Search
+from ..training import Run
+from ..training.fitted_pictures import doubts, framed_viewing, given_view, known_views, observed
+from ..training.fitting import novelty_of, state_of, viewing_of
+
+if TYPE_CHECKING:
+    from .state import State
+
+SEARCHES = {"quick": Search(64, 4, 40, tune=0), "thorough": Search(starts=8, tune=30)}
+"""By name; the thorough one is that of `unproject fit`."""
+
+
+class Stopped(Exception):
+    """Nobody wants the answer any more."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was dropped, and what is said of it.
+
+    Attributes:
+        run: name of the run.
+        name: of the file.
+        content: of the file.
+        observation: which of the run's observations made it; None for the only ones.
+        view: degrees, with commas; "" if it is not known.
+        search: a name of `SEARCHES`.
+        novelty: compare it with pictures of training.
+    """
+
+    run: str
+    name: str
+    content: bytes = field(repr=False)
+    observation: str | None = None
+    view: str = ""
+    search: str = "quick"
+    novelty: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Means:
+    """What the fits of one run and observation share."""
+
+    run: Run
+    state: AssignmentState
+    fitter: Fitter
+
+    @classmethod
+    def of(cls, run: Run, asked: Asked) -> Means:
+        """Return what reads and explains pictures of one kind."""
+        state = state_of(run.assignments(run.recipe()), asked.observation)
+        viewing = framed_viewing(viewing_of(state, asked.observation), [Path(asked.name)])
+        return cls(run, state, run.fitter(viewing=viewing, search=SEARCHES[asked.search]))
+
+
+class Explanation:
+    """A fit on its way; one thread moves it on while others look.
+
+    Attributes:
+        stage: what is being done; "done", "stopped" or "failed" at the end.
+        done: the part of the descent that is done.
+        moves: counts the changes of what can be seen.
+        x, projected: the best sample so far (1, ...), and its projections.
+        pictures: as they are compared, (M, ...).
+        fit: what was found, with `why` it does not explain the pictures, and p.
+        error: what went wrong.
+    """
+
+    def __init__(self, asked: Asked) -> None:
+        self.asked, self.stage, self.done, self.moves, self.error = asked, "waiting", 0.0, 0, ""
+        self.run: Run | None = None
+        self.means: Means | None = None
+        self.pictures: Tensor | None = None
+        self.x: Tensor | None = None
+        self.projected: Tensor | None = None
+        self.fit: Fit | None = None
+        self.why: list[str] = []
+        self.p: float | None = None
+        self.seconds = 0.0
+        self._unwanted = threading.Event()
+
+    @property
+    def ended(self) -> bool:
+        return self.stage in ("done", "stopped", "failed")
+
+    def stop(self) -> None:
+        """End it at the next step."""
+        self._unwanted.set()
+
+    def explain(self, state: State) -> None:
+        """Do it, from reading the picture on; what goes wrong is kept for whoever looks."""
+        begin = time.perf_counter()
+        try:
+            self._explain(state)
+            self._now("done")
+        except Stopped:
+            self._now("stopped")
+        except Exception as error:  # a part of the user's own may fail in any way
+            self.error = " ".join(str(error).split()) or type(error).__name__
+            self._now("failed")
+        self.seconds = time.perf_counter() - begin
+
+    def _explain(self, state: State) -> None:
+        asked = self.asked
+        self._now("opening the run")
+        self.run = run = state.opened(asked.run)
+        key = (asked.run, run.step, asked.observation, asked.search, Path(asked.name).suffix == ".npz")
+        self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
+        self._now("reading the picture")
+        found = _read(asked, means)
+        self.pictures = pictures = found.floats()
+        self._now("comparing it with samples")
+        fit = means.fitter.fit(pictures, found.latents, self._watch)
+        self.x, self.projected, self.why = fit.x[:1], fit.projected, doubts(run, fit, None)
+        self.fit = fit
+        if asked.novelty:
+            self._now("comparing it with the pictures of training")
+            novelty = state.kept(("novelty", *key), lambda: _novelty(means), 2)
+            p = novelty.p_values(pictures)
+            self.p, self.why = p.min().item(), doubts(run, fit, p)
+
+    def _watch(self, done: float, x: Tensor, projected: Tensor) -> None:
+        self.done, self.x, self.projected = done, x, projected
+        self._now("moving the sample towards the picture")
+
+    def _now(self, stage: str) -> None:
+        self.stage, self.moves = stage, self.moves + 1
+        if self._unwanted.is_set() and not self.ended:
+            raise Stopped
+
+
+def _novelty(means: Means) -> Novelty:
+    return novelty_of(means.state, means.fitter.viewing)
+
+
+def _read(asked: Asked, means: Means) -> Collection:
+    """Return the pictures of the first object of a file, with what is known of their views."""
+    viewing = means.fitter.viewing
+    given = given_view(asked.view, viewing.projection.latents) if asked.view else {}
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"picture{Path(asked.name).suffix.lower()}"
+        file.write_bytes(asked.content)
+        found = _told(lambda: observed(means.run, [file], viewing, 1.0), str(file), asked.name[:80])
+        found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
+    first = found.names[0].partition("#")[0]
+    return found.subset([row for row, name in enumerate(found.names) if name.partition("#")[0] == first])
+
+
+def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:
+    """Return what is read; an error names the file as its owner knows it."""
+    try:
+        return read()
+    except UserError as error:
+        raise UserError(str(error).replace(file, name)) from None
+
+
+def degrees(fit: Fit) -> list[dict[str, float]]:
+    """Return the latents of the best explanation's views, in degrees, of each picture."""
+    count = fit.distance.shape[1]
+    return [{name: round(math.degrees(value[0, m]), 1) for name, value in fit.theta.items()} for m in range(count)]

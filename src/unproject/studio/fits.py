@@ -1,0 +1,146 @@
+"""Fits: a picture is dropped, one after another is explained, and what was found can be turned and downloaded."""
+
+from __future__ import annotations
+
+import secrets
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from .. import export
+from .._types import UserError
+from ..data.readers.pictures import SUFFIXES
+from ..report.contents import read_contents
+from ..report.pictures import picture_of
+from ..report.sections import views_of
+from ..training.fitted_pictures import FORMATS, as_seen
+from ..training.run_directory import read_recipe
+from .answers import Answer, Missing, Request, of_json
+from .downloads import exported
+from .explaining import SEARCHES, Asked, Explanation, degrees
+from .explore import drawn_sample, thumbnail
+from .runs import kind_of
+from .state import State
+
+KEPT, SEEN = 12, 192
+"""Fits that stay, and pixels of a picture."""
+IDENTITY = "unproject.projections.base:Identity"
+
+
+def show_kinds(state: State, request: Request) -> Answer:
+    """Answer with the kinds of pictures that a run can explain, by its recipe.json: nothing is computed."""
+    contents = read_contents(state.folder.run(request.text("run")))
+    panels = [panel for panel in contents.recipe["resolved"].get("panels") or () if isinstance(panel, dict)]
+    names = [_observations(panel) for panel in panels]
+    several = [name for some in names for name in some] if len(panels) > 1 else []
+    kinds = {"kind": kind_of(contents), "observations": several}
+    return of_json({**kinds, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
+
+
+def _observations(panel: dict[str, Any]) -> list[str]:
+    found = panel.get("observations") or ()
+    return [str(o["name"]) for o in found if o["projection"].get("type") != IDENTITY]
+
+
+def begin_fit(state: State, request: Request) -> Answer:
+    """Take a picture, and answer with the name of its fit; at most a few wait."""
+    asked = _asked(state, request)
+    explanation = Explanation(asked)
+    state.jobs.submit(lambda: explanation.explain(state))
+    name = secrets.token_hex(8)
+    state.kept(("fit", name), lambda: explanation, KEPT)
+    return of_json({"fit": name})
+
+
+def _asked(state: State, request: Request) -> Asked:
+    name, search = request.text("name"), request.text("search", "quick")
+    if Path(name).suffix.lower() not in (*SUFFIXES, ".npz"):
+        raise UserError(f"{name[:80]}: drop a picture ({', '.join(s[1:] for s in SUFFIXES)}), or an .npz")
+    if search not in SEARCHES:
+        raise UserError(f"search={search[:40]}: choose from {', '.join(SEARCHES)}")
+    state.folder.run(request.text("run"))
+    known = request.text("observation", "") or None, request.text("view", "")[:80], search
+    return Asked(request.text("run"), name, request.body, *known, request.text("novelty", "1") == "1")
+
+
+def _found(state: State, request: Request) -> Explanation:
+    name = request.text("fit")[:40]
+
+    def missing() -> Explanation:
+        raise Missing("this fit is no longer there; drop the picture again")
+
+    return state.kept(("fit", name), missing, KEPT)
+
+
+def stop_fit(state: State, request: Request) -> Answer:
+    """End a fit that is on its way."""
+    _found(state, request).stop()
+    return of_json({})
+
+
+def show_fit(state: State, request: Request) -> Answer:
+    """Answer with how far a fit is, and with what was found once it has been."""
+    one = _found(state, request)
+    told = {"run": one.asked.run, "name": one.asked.name, "stage": one.stage, "ended": one.ended, "done": one.done}
+    told |= {"moves": one.moves, "drawable": one.x is not None, "error": one.error, "seconds": round(one.seconds, 1)}
+    pictures = {"picture": _seen(one, one.pictures), "projection": _seen(one, one.projected)}
+    return of_json({**told, **pictures, **(_result(one) if one.fit is not None else {})})
+
+
+def _seen(one: Explanation, y: Tensor | None) -> str | None:
+    if y is None or one.means is None:
+        return None
+    shown = y if y.dim() == 3 else as_seen(one.means.fitter.viewing.projection, y)
+    shown = export.graphs(shown) if shown.dim() == 3 else shown
+    return picture_of(export.picture_sheet(shown, columns=min(len(shown), 4), cell=SEEN), "a picture", 2 * SEEN).uri
+
+
+def _result(one: Explanation) -> dict[str, Any]:
+    fit, run = one.fit, one.run
+    assert fit is not None and run is not None and one.means is not None
+    described = read_recipe(run.path)["resolved"].get("panels")
+    labels, unit = views_of(described, 0, fit.posterior.shape[1])
+    formats = sorted(run.domain.exporters)
+    return {
+        "explained": not one.why,
+        "why": "; ".join(one.why),
+        "p": one.p,
+        "distance": fit.error,
+        "weights": fit.weight.tolist(),
+        "views": degrees(fit),
+        "posterior": fit.posterior.mean(0).tolist(),
+        "labels": labels,
+        "unit": unit,
+        "explanations": [thumbnail(run.domain, run.domain.largest_part(x[None])).uri for x in fit.x],
+        "formats": formats,
+        "format": FORMATS.get(run.domain.name, "npz"),
+    }
+
+
+def _sample(one: Explanation, request: Request) -> Tensor:
+    """Return the explanation (1, ...) that is asked for, or the best so far."""
+    if one.fit is None:
+        if one.x is None:
+            raise Missing("nothing has been found yet")
+        return one.x
+    which = request.whole("which", 0, 0, len(one.fit.x) - 1)
+    return one.fit.x[which : which + 1]
+
+
+def draw_fit(state: State, request: Request) -> Answer:
+    """Answer with what the browser draws of an explanation."""
+    one = _found(state, request)
+    assert one.run is not None or one.x is None
+    x = _sample(one, request)
+    domain = one.run.domain  # pyright: ignore[reportOptionalMemberAccess]
+    return of_json(state.compute(lambda: drawn_sample(domain, domain.largest_part(x))))
+
+
+def download_fit(state: State, request: Request) -> Answer:
+    """Answer with an explanation as a file."""
+    one = _found(state, request)
+    x, run = _sample(one, request), one.run
+    assert run is not None
+    name = Path(one.asked.name).stem
+    return state.compute(lambda: exported(run.domain, run.domain.largest_part(x), request.text("to"), name))

@@ -1,0 +1,98 @@
+"""Pictures that are to be fitted: read as the run's own were, and what is said of how well they are explained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from .._types import UserError
+from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
+from ..data.measured_lines import standardised_lines
+from ..data.readers.pictures import picture_files
+from ..inversion import DOUBTFUL, Fit, Viewing
+from ..projections import Cropped, FramedSilhouette, Silhouette, Standardised
+from ..projections.base import Projection
+
+if TYPE_CHECKING:
+    from .run import Run
+
+FORMATS = {"volume": "glb", "image": "png", "maps": "maps"}
+"""What is written of each sample that was found, by the domain."""
+FAR = 0.6
+"""The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
+
+
+def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
+    """Return the viewing of pictures that are cropped as they are read, where the run's were not."""
+    cropped = paths[0].is_dir() or are_pictures(paths)
+    if cropped and isinstance(viewing.projection, Silhouette):
+        return replace(viewing, projection=FramedSilhouette(viewing.projection))
+    return viewing
+
+
+def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float) -> Collection:
+    """Return the pictures, as the viewing's projection makes them."""
+    if not paths:
+        raise UserError("fit: name pictures, a folder of them or an .npz")
+    size, listed = opened.generator.sample(1, batch=1).shape[-1], are_pictures(paths)
+    if len(paths) > 1 and not listed:
+        raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
+    if opened.domain.name == "maps":
+        found = read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
+        if isinstance(viewing.projection, Standardised):
+            return Collection(viewing.projection.standardise(found.floats()), names=found.names)
+        return found
+    if opened.domain.name == "image":
+        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale)
+    if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
+        if listed:
+            raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
+        return read(paths[0], size, pictures="images")
+    found = read_silhouettes(paths, 2 * size) if listed else read(paths[0], 2 * size if paths[0].is_dir() else None)
+    return mapped(found, viewing.projection.prepare)
+
+
+def known_views(found: Collection, viewing: Viewing, given: Mapping[str, float]) -> dict[str, Tensor] | None:
+    """Return what is known of each picture's view: what is given, or else stands beside the pictures."""
+    taken = {*viewing.projection.latents, *viewing.projection.optional_latents}
+    beside = {name: value for name, value in (found.latents or {}).items() if name in taken}
+    return beside | {name: torch.full((len(found),), value) for name, value in given.items()} or None
+
+
+def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:
+    """Return why pictures are not explained; nothing if they are.
+
+    Args:
+        p: of each picture, how likely one of the run's kind is so strange; None if that was not looked at.
+    """
+    why = []
+    if p is not None and p.min() < DOUBTFUL:
+        why.append(f"its pictures are of another kind than those of training (p {p.min():.3f})")
+    if fit.error > FAR:
+        why.append(f"no sample's projection comes near (distance {fit.error:.2f}, {FAR:g} is far)")
+    if run.domain.empty(fit.x[:1]):
+        why.append("nothing is to be seen of what was found, so that it has no file")
+    return why
+
+
+def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
+    """Return the latents that --view gives, radians, in the order in which the projection takes them."""
+    try:
+        degrees = [float(part) for part in view.split(",")]
+    except ValueError:
+        degrees = []
+    if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
+        raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
+    return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}
+
+
+def as_seen(projection: Projection, pictures: Tensor) -> Tensor:
+    """Return pictures (M, C, H, W) as a person sees them: before they were standardised, in [0, 1]."""
+    seen = projection.restore(pictures) if isinstance(projection, Standardised) else pictures
+    return seen.clamp(0, 1)

@@ -1,0 +1,164 @@
+"""Sharing: what is written for others samples as the run does, names no folder, and comes back from a hub."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+import unproject as up
+from unproject.cli import main
+from unproject.sharing import example_path, hub, put_example, save_pretrained
+from unproject.sharing.shared import small
+from unproject.training import checkpoint
+
+MOST = 3_000_000
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("runs") / "toy"
+    flags = "--size 16 --channels 16 --rank 8 --batch 8 --steps 4 --tries 1"
+    assert main(["train", "shapes", *flags.split(), "--quiet", "--out", str(out)]) == 0
+    return out
+
+
+def test_a_shared_run_samples_as_the_run_does(run: Path, tmp_path: Path) -> None:
+    shared = save_pretrained(run, tmp_path / "shared")
+    found, wanted = (up.load(path).sample(4, seed=3) for path in (shared, run))
+    assert (found - wanted).abs().max() < 0.01
+
+
+def test_a_shared_run_can_be_fitted_and_is_small(run: Path, tmp_path: Path) -> None:
+    shared = save_pretrained(run, tmp_path / "shared")
+    names = set(checkpoint.load(checkpoint.newest(shared / "checkpoints")))
+    kinds = {name.split("/")[0] for name in names}
+    assert kinds == {"average", "panels"} and not any("optimiser" in name for name in names)
+    opened = up.load(shared)
+    states = opened.assignments(opened.recipe())
+    before = up.load(run)
+    assert states[0].views.equal(before.assignments(before.recipe())[0].views)
+    sizes = [sum(file.stat().st_size for file in path.rglob("*.safetensors")) for path in (shared, run)]
+    assert sizes[0] < sizes[1] / 3
+
+
+def test_nothing_that_is_shared_names_a_folder_of_this_machine(run: Path, tmp_path: Path) -> None:
+    shared = save_pretrained(run, tmp_path / "shared")
+    for file in (*shared.glob("*.json"), shared / "README.md"):
+        assert str(run.parent) not in file.read_text(), file
+    assert json.loads((shared / "environment.json").read_text())["command"][0]
+
+
+def test_the_card_has_scores_and_where_it_comes_from(run: Path, tmp_path: Path) -> None:
+    verdict = {"line": "good: yes", "findings": {"match": {"word": "good", "value": 1.0312, "protocol": "distance"}}}
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    (copied / "verdict.json").write_text(json.dumps(verdict))
+    card = (save_pretrained(copied, tmp_path / "shared") / "README.md").read_text()
+    assert card.startswith("---\nlibrary_name: unproject\n")
+    assert "| match | 1.03 | good | distance |" in card and "good: yes" in card
+    assert "| seed | 0 |" in card and "torch" in card and "samples/step-" in card
+    assert (tmp_path / "shared" / "samples").is_dir()
+
+
+def test_the_log_that_is_shared_is_short_and_whole(run: Path, tmp_path: Path) -> None:
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    lines = [json.dumps({"step": k, "seconds": k, "loss_g": 1.0}) + "\n" for k in range(1, 1001)]
+    (copied / "stats.jsonl").write_text("".join(lines) + '{"step": 1, "seconds": 1, "event": "assigned"}\n')
+    shared = save_pretrained(copied, tmp_path / "shared")
+    found = [json.loads(line)["step"] for line in (shared / "stats.jsonl").read_text().splitlines()]
+    assert found[:2] == [1, 6] and len(found) == 200
+
+
+class LocalHub:
+    """A hub that is a folder."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.private = root, {}
+
+    def create_repo(self, name: str, private: bool, exist_ok: bool) -> str:
+        self.private[name] = private
+        return f"hub:{name}"
+
+    def upload_folder(self, repo_id: str, folder_path: Path, commit_message: str) -> None:
+        shutil.copytree(folder_path, self.root / repo_id, dirs_exist_ok=True)
+
+    def snapshot_download(self, name: str, revision: str | None, allow_patterns: list[str]) -> str:
+        if not (self.root / name).is_dir():
+            raise FileNotFoundError(f"404: {name}")
+        return str(self.root / name)
+
+
+def test_a_run_goes_to_a_hub_and_comes_back(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    local = LocalHub(tmp_path)
+    monkeypatch.setattr(hub, "_hub", lambda: local)
+    assert up.push_to_hub(run, "me/chairs", api=local) == "hub:me/chairs"
+    assert local.private == {"me/chairs": True}
+    assert 'from_pretrained("me/chairs")' in (tmp_path / "me" / "chairs" / "README.md").read_text()
+    found = up.from_pretrained("me/chairs").sample(2)
+    assert (found - up.load(run).sample(2)).abs().max() < 0.01
+    with pytest.raises(up.UserError, match="you/none: cannot be fetched"):
+        up.from_pretrained("you/none")
+
+
+def test_the_hub_has_what_is_called(tmp_path: Path) -> None:
+    """The stand-in takes what the package's own methods take."""
+    import inspect
+
+    package = pytest.importorskip("huggingface_hub")
+    for own, method in (
+        (LocalHub.create_repo, package.HfApi.create_repo),
+        (LocalHub.upload_folder, package.HfApi.upload_folder),
+    ):
+        assert set(inspect.signature(own).parameters) - {"self", "name"} <= set(inspect.signature(method).parameters)
+    wanted = {"revision", "allow_patterns"}
+    assert wanted <= set(inspect.signature(package.snapshot_download).parameters)
+
+
+def test_without_the_package_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "huggingface_hub", None)
+    with pytest.raises(up.UserError, match=r"pip install 'unproject\[hub\]'"):
+        up.from_pretrained("me/chairs")
+
+
+WRONG = {
+    "both": (["--out", "x", "--push", "a/b"], "give either"),
+    "neither": ([], "give either"),
+    "no name": (["--push", "chairs"], "give OWNER/NAME"),
+}
+
+
+@pytest.mark.parametrize("words, says", WRONG.values(), ids=list(WRONG))
+def test_what_cannot_be_shared(run: Path, words: list[str], says: str, capsys: Any, monkeypatch: Any) -> None:
+    assert main(["share", str(run), *words]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_folder_that_is_not_empty_is_left_alone(run: Path, tmp_path: Path, capsys: Any) -> None:
+    (tmp_path / "kept").write_text("kept")
+    assert main(["share", str(run), "--out", str(tmp_path)]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]
+
+
+def test_numbers_that_16_bits_do_not_hold_keep_32() -> None:
+    assert small(torch.tensor([1e6, 0.0])).dtype == torch.float32
+    assert small(torch.tensor([1.0, 0.0])).dtype == torch.float16
+    assert small(torch.tensor([3, 255])).dtype == torch.uint8 and small(torch.tensor([-1, 2])).dtype == torch.int64
+
+
+def test_the_run_that_comes_with_the_package_is_small_and_good(tmp_path: Path) -> None:
+    path = example_path("chairs")
+    assert sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) < MOST
+    assert json.loads((path / "verdict.json").read_text())["word"] == "good"
+    put = put_example("chairs", tmp_path / "runs")
+    assert put_example("chairs", tmp_path / "runs") == put
+    x = up.from_pretrained("chairs").sample(4, largest_part=True)
+    assert not up.Volumes().empty(x).any()
+    assert x.equal(up.load(put).sample(4, largest_part=True))

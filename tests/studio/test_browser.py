@@ -1,0 +1,321 @@
+"""The page in a real browser: each panel, an upload, a run that is being written, bad inputs, and who is asked.
+
+Skipped, by name, where there is no Chromium (Debian: apt-get install chromium) or no Playwright.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from unproject.assignment import Panel
+from unproject.cli import main
+from unproject.data import Collection, wood
+from unproject.networks import Discriminator
+from unproject.networks.materials import StationaryMaterials
+from unproject.projections import Identity
+from unproject.projections.observation import Observation
+from unproject.studio import Studio, explaining
+from unproject.training import Recipe, train
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
+)
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+PATIENCE = 30_000
+"""Milliseconds that anything may take on a busy machine."""
+
+if not CHROMIUM:
+    pytest.skip("no Chromium is installed: the studio's page is not tested in a browser", allow_module_level=True)
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: no test in a browser")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs of shapes and of a material, a broken one, one of a newer version, and one that is being written."""
+    runs = tmp_path_factory.mktemp("runs")
+    flags = (
+        "--size 16 --channels 16 --rank 8 --batch 16 --steps 60 --views predicted --rate 0.005 --solid 0.5 --gamma 0.01"
+    )
+    words = ["train", "shapes", *flags.split(), "--ema-half-life", "0", "--out", str(runs / "chairs"), "--quiet"]
+    assert main(words) == 0
+    panel = Panel([Observation("itself", Identity())], Collection(torch.as_tensor(wood(4, 16, 0)).float()))
+    generator, judge = partial(StationaryMaterials, size=16, channels=8), partial(Discriminator, channels=4)
+    train(Recipe(generator, [panel], discriminator=judge, steps=2, batch=2), runs / "wood", quiet=True)
+    (runs / "broken").mkdir()
+    (runs / "broken" / "recipe.json").write_text("{")
+    shutil.copytree(runs / "chairs", runs / "live")
+    (runs / "live" / "verdict.json").unlink()
+    recipe = json.loads((runs / "live" / "recipe.json").read_text())
+    recipe["resolved"]["steps"] = 5000
+    (runs / "live" / "recipe.json").write_text(json.dumps(recipe))
+    return runs
+
+
+@pytest.fixture(scope="module")
+def studio(folder: Path) -> Iterator[Studio]:
+    quick = explaining.Search(8, 2, 6, tune=0)
+    before = explaining.SEARCHES
+    explaining.SEARCHES = {"quick": quick, "thorough": quick}
+    with Studio(folder) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server
+        server.shutdown()
+    explaining.SEARCHES = before
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+class Tab:
+    """A page, and what went wrong on it."""
+
+    def __init__(self, page: Any, address: str) -> None:
+        self.page, self.address = page, address
+        self.asked: list[str] = []
+        self.wrong: list[str] = []
+        page.set_default_timeout(PATIENCE)
+        page.on("request", lambda request: self.asked.append(request.url))
+        page.on("pageerror", lambda error: self.wrong.append(str(error)))
+
+    def go(self, place: str) -> None:
+        self.page.goto(f"{self.address}#/{place}")
+
+    def trouble(self) -> str:
+        """What the page says of what went wrong."""
+        self.page.wait_for_selector("#trouble:not([hidden])")
+        return self.page.text_content("#trouble")
+
+    def until(self, text: str) -> None:
+        """Wait for a text that is to be seen."""
+        self.page.wait_for_function("text => document.body.innerText.includes(text)", arg=text)
+
+    def drawn(self) -> None:
+        """Wait until the canvas shows something."""
+        self.page.wait_for_selector(".stage canvas")
+        self.page.wait_for_function("() => / ms\\./.test(document.querySelector('#panel').innerText)")
+
+
+@pytest.fixture
+def tab(chromium: Any, studio: Studio) -> Iterator[Tab]:
+    context = chromium.new_context(viewport={"width": 1280, "height": 720})
+    one = Tab(context.new_page(), studio.address)
+    yield one
+    context.close()
+    assert one.wrong == []
+    elsewhere = [url for url in one.asked if not url.startswith((studio.address, "data:", "blob:"))]
+    assert elsewhere == []
+
+
+def pixels(tab: Tab) -> str:
+    return tab.page.evaluate("() => document.querySelector('.stage canvas').toDataURL()")
+
+
+def test_runs_are_listed_and_two_are_shown_side_by_side(tab: Tab) -> None:
+    tab.go("runs")
+    tab.until("4 runs in")
+    assert "damaged" in tab.page.text_content("article:has-text('broken')")
+    for name in ("chairs", "wood"):
+        tab.page.check(f"[aria-label='compare {name}']")
+    tab.page.click("text=Compare two")
+    tab.page.wait_for_selector(".side-by-side .run:nth-child(1) svg")
+    tab.page.wait_for_selector(".side-by-side .run:nth-child(2) h1:text-is('wood')")
+    assert "other=" in tab.page.url
+    tab.page.wait_for_selector(".side-by-side .run:nth-child(1) img.sheet")
+
+
+def test_a_run_that_is_being_written_is_followed(tab: Tab, folder: Path) -> None:
+    run = folder / "live"
+    tab.go("runs?run=live")
+    with (run / "stats.jsonl").open("a") as log:
+        log.write(json.dumps({"step": 61, "seconds": 9.0, "loss_g": 0.5, "loss_d": 0.5}) + "\n")
+    tab.until("training")
+    Image.new("RGB", (64, 64), "red").save(run / "samples" / "step-000000777.png")
+    tab.until("step 777")
+    assert "not finished" in tab.page.text_content(".remarks")
+
+
+def test_a_shape_is_turned_changed_picked_and_kept_in_the_address(tab: Tab) -> None:
+    tab.go("explore?run=chairs")
+    tab.drawn()
+    first = pixels(tab)
+    box = tab.page.locator(".stage canvas").bounding_box()
+    tab.page.mouse.move(box["x"] + 100, box["y"] + 100)
+    tab.page.mouse.down()
+    tab.page.mouse.move(box["x"] + 220, box["y"] + 130, steps=4)
+    tab.page.mouse.up()
+    assert pixels(tab) != first
+    tab.page.focus("input[type=range] >> nth=1")
+    for _ in range(6):
+        tab.page.keyboard.press("ArrowRight")
+    tab.page.wait_for_function("() => location.hash.includes('slides=0.3')")
+    tab.page.locator(".picks .cells button").nth(4).click()
+    tab.page.click("text=Go towards another")
+    tab.page.locator(".picks .cells button").nth(9).click()
+    tab.page.wait_for_function("() => ['pick=4', 'other=9', 'mix=0.5'].every((part) => location.hash.includes(part))")
+    tab.page.wait_for_function("() => location.hash.includes('azimuth=')")
+    place = tab.page.url
+    tab.page.reload()
+    tab.drawn()
+    assert tab.page.url == place and tab.page.locator("#mix input").input_value() == "0.5"
+
+
+def test_keys_change_panels_samples_and_download(tab: Tab) -> None:
+    tab.go("runs?run=chairs")
+    tab.until("Samples over time")
+    tab.page.keyboard.press("2")
+    tab.drawn()
+    tab.page.wait_for_selector(".export")
+    tab.page.keyboard.press("n")
+    tab.page.wait_for_function("() => location.hash.includes('pick=1')")
+    with tab.page.expect_download() as told:
+        tab.page.keyboard.press("e")
+    assert told.value.suggested_filename == "chairs-2.glb"
+    assert Path(told.value.path()).read_bytes()[:4] == b"glTF"
+    tab.page.keyboard.press("?")
+    assert tab.page.is_visible("#keys")
+
+
+def test_a_material_is_lit_and_its_maps_are_downloaded(tab: Tab, tmp_path: Path) -> None:
+    tab.go("materials?run=wood")
+    tab.until("samples a pixel")
+    tab.page.wait_for_selector(".maps figure:nth-child(4) img")
+    tab.page.click("text=Plane, 2 × 2")
+    tab.page.select_option("select[aria-label=light]", "directional")
+    tab.until("light 45°")
+    box = tab.page.locator(".rendering").bounding_box()
+    tab.page.mouse.move(box["x"] + 90, box["y"] + 90)
+    tab.page.mouse.down()
+    tab.page.mouse.move(box["x"] + 150, box["y"] + 90, steps=3)
+    tab.page.mouse.up()
+    tab.page.wait_for_function("() => /around=-1[1-9]\\d/.test(location.hash)")
+    with tab.page.expect_download() as told:
+        tab.page.click("text=Download")
+    assert told.value.suggested_filename == "wood-1.zip"
+
+
+def dropped(tab: Tab, target: str, name: str, content: bytes) -> None:
+    tab.page.evaluate(
+        """([target, name, bytes]) => {
+          const data = new DataTransfer();
+          data.items.add(new File([new Uint8Array(bytes)], name));
+          const at = target === "document" ? document : document.querySelector(target);
+          at.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+        }""",
+        [target, name, list(content)],
+    )
+
+
+def test_a_dropped_probe_lights_the_material(tab: Tab, tmp_path: Path) -> None:
+    np.save(tmp_path / "sky.npy", np.ones((8, 16, 3), np.float32))
+    tab.go("materials?run=wood")
+    tab.until("samples a pixel")
+    dropped(tab, "document", "sky.npy", (tmp_path / "sky.npy").read_bytes())
+    tab.page.wait_for_function("() => location.hash.includes('light=dropped-')")
+
+
+def test_a_view_is_corrected_by_dragging(tab: Tab, folder: Path) -> None:
+    tab.go("collections?run=chairs")
+    tab.page.wait_for_selector(".pictures button")
+    tab.page.drag_and_drop(".pictures button >> nth=0", ".views button >> nth=3")
+    tab.until("Saved in")
+    assert (folder / "chairs" / "views.csv").read_text().startswith("file,azimuth")
+    tab.until("1 corrected")
+
+
+def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path) -> None:
+    picture = np.zeros((64, 64), np.uint8)
+    picture[10:54, 20:44] = 255
+    Image.fromarray(picture).save(tmp_path / "seat.png")
+    tab.go("fit?run=chairs")
+    tab.page.wait_for_selector(".zone")
+    tab.page.click("summary")
+    tab.page.uncheck("input[type=checkbox]")
+    dropped(tab, "document", "seat.png", (tmp_path / "seat.png").read_bytes())
+    tab.page.wait_for_function("() => /What was found|could not/.test(document.body.innerText)", timeout=2 * PATIENCE)
+    assert not tab.page.is_visible("#trouble"), tab.page.text_content("#trouble")
+    tab.until("Done in")
+    tab.page.locator(".fitter .cells button").nth(1).click()
+    with tab.page.expect_download() as told:
+        tab.page.keyboard.press("e")
+    assert told.value.suggested_filename == "seat.glb"
+    assert Path(told.value.path()).read_bytes()[:4] == b"glTF"
+    tab.page.reload()
+    tab.until("What was found")
+
+
+BAD_PLACES = {
+    "a run that is not there": ("explore?run=none", "there is no such run"),
+    "a way out": ("runs?run=../../secret", "there is no such run"),
+    "a broken run": ("runs?run=broken", "damaged"),
+    "no number": ("explore?run=chairs&slides=9999", "give up to 8 numbers"),
+    "a light that is gone": ("materials?run=wood&light=dropped-0", "there is no such light"),
+    "shapes for materials": ("materials?run=chairs", "makes no materials"),
+    "a fit that is gone": ("fit?run=chairs&fit=none", "drop the picture again"),
+}
+
+
+@pytest.mark.parametrize("place, says", BAD_PLACES.values(), ids=list(BAD_PLACES))
+def test_a_bad_address_is_said_and_the_page_goes_on(tab: Tab, place: str, says: str) -> None:
+    tab.go(place)
+    assert says in tab.trouble()
+    tab.page.keyboard.press("1")
+    tab.until("4 runs in")
+    assert not tab.page.is_visible("#trouble")
+
+
+BAD_FILES = {
+    "no picture": ("x.png", b"no picture", "unreadable"),
+    "a program": ("x.exe", b"MZ", "drop a picture"),
+    "a bomb": ("x.png", None, "too large"),
+    "a pickle": ("x.npz", b"\x80\x04", "x.npz"),
+}
+
+
+def bomb() -> bytes:
+    """A picture of 40,000 × 40,000 pixels that announces them only."""
+    import struct
+    import zlib
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", 40000, 40000, 8, 0, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("name, content, says", BAD_FILES.values(), ids=list(BAD_FILES))
+def test_a_bad_file_is_said_and_the_page_goes_on(tab: Tab, name: str, content: bytes | None, says: str) -> None:
+    tab.go("fit?run=chairs")
+    tab.page.wait_for_selector(".zone")
+    dropped(tab, "document", name, bomb() if content is None else content)
+    assert says in tab.trouble()
+    tab.page.keyboard.press("2")
+    tab.drawn()
+
+
+@pytest.mark.parametrize(
+    "place", ["runs", "runs?run=chairs", "explore?run=chairs", "materials?run=wood", "fit?run=chairs"]
+)
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_is_wider_than_the_screen(tab: Tab, place: str, width: int) -> None:
+    tab.page.set_viewport_size({"width": width, "height": 720})
+    tab.go(place)
+    tab.page.wait_for_selector("#panel section, #panel article")
+    tab.page.wait_for_load_state("networkidle")
+    assert tab.page.evaluate("() => document.documentElement.scrollWidth") <= width

@@ -1,0 +1,217 @@
+"""Fit and export in the studio: what is downloaded is what was asked for; uploads are guarded; one fit at a time."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from PIL import Image
+
+from unproject.cli import main
+from unproject.data import wood
+from unproject.domains import Maps
+from unproject.studio import explaining
+from unproject.studio.answers import Request
+from unproject.studio.downloads import exported
+from unproject.studio.explore import space_of
+from unproject.studio.server import respond
+from unproject.studio.state import JOBS, State
+
+Said = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory: pytest.TempPathFactory) -> State:
+    """A run of shapes that learned a little."""
+    folder = tmp_path_factory.mktemp("fitted")
+    flags = (
+        "--size 16 --channels 16 --rank 8 --batch 16 --steps 60 --views predicted --rate 0.005 --solid 0.5 --gamma 0.01"
+    )
+    words = ["train", "shapes", *flags.split(), "--ema-half-life", "0", "--out", str(folder / "chairs"), "--quiet"]
+    assert main(words) == 0
+    return State(folder)
+
+
+def mask(width: int = 40) -> bytes:
+    picture = np.zeros((64, 64), np.uint8)
+    picture[10:54, 32 - width // 2 : 32 + width // 2] = 255
+    content = io.BytesIO()
+    Image.fromarray(picture).save(content, "PNG")
+    return content.getvalue()
+
+
+def begun(state: State, said: Said, content: bytes, name: str = "seat.png", **query: Any) -> str:
+    asked = {"run": "chairs", "name": name, "novelty": 0, **query}
+    status, found = said(state, "/api/fit", "POST", content, **asked)
+    assert status == 200, found
+    return found["fit"]
+
+
+def ended(state: State, said: Said, fit: str) -> dict[str, Any]:
+    for _ in range(600):
+        _, found = said(state, "/api/fit", fit=fit)
+        if found["ended"]:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(found)
+
+
+def file_of(state: State, path: str, **query: Any) -> tuple[str, bytes]:
+    answer = respond(state, "GET", path, Request({k: str(v) for k, v in query.items()}))
+    assert answer.status == 200, answer.content
+    assert answer.headers["Content-Disposition"].startswith("attachment; ")
+    return answer.headers["Content-Disposition"].partition("filename=")[2].strip('"'), answer.content
+
+
+@pytest.fixture
+def fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    quick = explaining.Search(8, 2, 4, tune=0)
+    monkeypatch.setattr(explaining, "SEARCHES", {"quick": quick, "thorough": quick})
+
+
+def test_a_picture_is_explained_and_downloaded(shapes: State, said: Said, fast: None) -> None:
+    fit = begun(shapes, said, mask(), view="30")
+    found = ended(shapes, said, fit)
+    assert (found["stage"], found["error"], found["name"]) == ("done", "", "seat.png")
+    assert len(found["explanations"]) == len(found["weights"]) == 2
+    assert sum(found["posterior"]) == pytest.approx(1, abs=1e-3) and found["views"][0]["azimuth"] == 30
+    assert said(shapes, "/api/fit/drawn", fit=fit)[1]["kind"] == "shapes"
+    name, content = file_of(shapes, "/api/fit/file", fit=fit, to="glb")
+    assert name == "seat.glb"
+    assert len(trimesh.load(io.BytesIO(content), file_type="glb", force="mesh").faces) > 50  # pyright: ignore
+
+
+def test_what_it_finds_first_is_shown_while_it_goes_on(shapes: State, said: Said, monkeypatch: Any) -> None:
+    monkeypatch.setattr(explaining, "SEARCHES", {"quick": explaining.Search(8, 2, 100000, tune=0)})
+    fit = begun(shapes, said, mask())
+    for _ in range(400):
+        _, found = said(shapes, "/api/fit", fit=fit)
+        if found["drawable"]:
+            break
+        time.sleep(0.02)
+    assert not found["ended"] and found["projection"] and said(shapes, "/api/fit/drawn", fit=fit)[0] == 200
+    assert said(shapes, "/api/stop", "POST", b"", fit=fit)[0] == 200
+    assert ended(shapes, said, fit)["stage"] == "stopped"
+
+
+def half() -> bytes:
+    content = io.BytesIO()
+    Image.effect_noise((64, 64), 90).save(content, "PNG")
+    return content.getvalue()[:1500]
+
+
+BAD = {
+    "text": ("x.png", b"no picture", "unreadable: no picture of a known format"),
+    "half a picture": ("x.png", half(), "x.png: unreadable"),
+    "nothing to be seen": ("x.png", mask(0), "x.png:"),
+    "no array of silhouettes": ("x.npz", b"PK\x03\x04", "x.npz"),
+}
+
+
+@pytest.mark.parametrize("name, content, says", BAD.values(), ids=list(BAD))
+def test_a_bad_upload_is_said(shapes: State, said: Said, fast: None, name: str, content: bytes, says: str) -> None:
+    found = ended(shapes, said, begun(shapes, said, content, name))
+    assert found["stage"] == "failed" and says in found["error"]
+    assert "/tmp" not in found["error"] and "Traceback" not in found["error"]
+
+
+REFUSED = {
+    "suffix": ({"name": "x.exe"}, "drop a picture"),
+    "search": ({"search": "endless"}, "choose from quick, thorough"),
+    "run": ({"run": "../chairs"}, "there is no such run"),
+}
+
+
+@pytest.mark.parametrize("query, says", REFUSED.values(), ids=list(REFUSED))
+def test_what_cannot_be_fitted_is_refused_at_once(shapes: State, said: Said, query: Any, says: str) -> None:
+    status, found = said(shapes, "/api/fit", "POST", mask(), **{"run": "chairs", "name": "x.png", **query})
+    assert status in (400, 404) and says in found["error"]
+
+
+def test_a_view_that_is_none_is_said(shapes: State, said: Said, fast: None) -> None:
+    assert "give degrees of azimuth" in ended(shapes, said, begun(shapes, said, mask(), view="north"))["error"]
+
+
+def test_no_more_fits_wait_than_the_queue_holds(shapes: State, said: Said) -> None:
+    go = threading.Event()
+    held = shapes.jobs.submit(go.wait)
+    while not held.running():
+        time.sleep(0.001)
+    begun_fits = [begun(shapes, said, mask()) for _ in range(JOBS)]
+    status, found = said(shapes, "/api/fit", "POST", mask(), run="chairs", name="x.png")
+    for fit in begun_fits:
+        said(shapes, "/api/stop", "POST", b"", fit=fit)
+    go.set()
+    assert status == 503 and "wait a moment" in found["error"]
+    assert {ended(shapes, said, fit)["stage"] for fit in begun_fits} == {"stopped"}
+
+
+def test_a_fit_that_is_gone_says_so(shapes: State, said: Said) -> None:
+    for path in ("/api/fit", "/api/fit/drawn", "/api/fit/file"):
+        status, found = said(shapes, path, fit="none")
+        assert status == 404 and "drop the picture again" in found["error"]
+
+
+def test_what_is_exported_is_what_is_shown(shapes: State) -> None:
+    place = {"run": "chairs", "pick": 3, "slides": "1,-0.5", "truncation": 0.8}
+    name, content = file_of(shapes, "/api/export", to="npz", **place)
+    space = space_of(shapes, "chairs")
+    shown = space.run.domain.largest_part(space.samples(space.place(Request({k: str(v) for k, v in place.items()}))))
+    assert name == "chairs-4.npz"
+    with np.load(io.BytesIO(content)) as arrays:
+        assert np.allclose(arrays["volume"], shown.numpy())
+
+
+def test_several_files_are_packed() -> None:
+    maps = torch.as_tensor(wood(1, 16, 0)).float()
+    answer = exported(Maps(), maps, "maps", "../new wood")
+    assert 'filename="new-wood.zip"' in answer.headers["Content-Disposition"]
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        names = archive.namelist()
+    assert len([name for name in names if name.endswith(".png")]) >= 4
+    assert not any(name.startswith(("/", "..")) for name in names)
+
+
+def test_an_unknown_format_is_refused(shapes: State, said: Said) -> None:
+    status, found = said(shapes, "/api/export", run="chairs", to="exe")
+    assert status == 400 and "choose from" in found["error"]
+
+
+def test_a_mask_of_the_run_can_be_dropped_again(shapes: State, said: Said, fast: None) -> None:
+    name, content = file_of(shapes, "/api/mask", run="chairs", number=7)
+    with Image.open(io.BytesIO(content)) as picture:
+        assert name.endswith(".png") and picture.mode == "L"
+    assert ended(shapes, said, begun(shapes, said, content, name))["stage"] == "done"
+
+
+def test_the_report_is_stored_never_shown(shapes: State) -> None:
+    name, content = file_of(shapes, "/api/report.html", run="chairs")
+    assert name == "chairs.html" and content.startswith(b"<!doctype html>")
+
+
+def test_the_views_of_all_pictures_are_downloaded(shapes: State) -> None:
+    name, content = file_of(shapes, "/api/views.csv", run="chairs")
+    assert name == "views.csv" and content.splitlines()[0].startswith(b"file,azimuth")
+
+
+def test_a_run_of_a_newer_version_says_so(shapes: State, said: Said, tmp_path: Path) -> None:
+    from safetensors.torch import save_file
+
+    run = tmp_path / "newer"
+    (run / "checkpoints").mkdir(parents=True)
+    recipe = (shapes.folder.given / "chairs" / "recipe.json").read_text()
+    (run / "recipe.json").write_text(recipe)
+    save_file({"x": torch.zeros(1)}, run / "checkpoints" / "step-000000001.safetensors", {"format": "unproject-9"})
+    state = State(tmp_path)
+    says = "written by a newer version of unproject (unproject-9"
+    assert says in said(state, "/api/runs")[1]["runs"][0]["said"]
+    assert says in said(state, "/api/sample", run="newer")[1]["error"]
