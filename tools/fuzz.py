@@ -24,6 +24,7 @@ import re
 import resource
 import shlex
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -116,8 +117,8 @@ def child(words: list[str], folder: Path) -> None:
     except BaseException:
         traceback.print_exc()
     finally:
-        for stream in (sys.stdout, sys.stderr):
-            stream.flush()
+        sys.stdout.flush()
+        sys.stderr.flush()
         os._exit(status)
 
 
@@ -128,6 +129,7 @@ def mapped() -> int:
 def run(words: list[str], folder: Path, idle: int = 0) -> Ended:
     """Run a command in a forked child; `idle` is what a child takes that does nothing."""
     began = time.monotonic()
+    sys.stdout.flush()  # a child would write what is buffered again
     pid = os.fork()
     if not pid:
         child(words, folder)
@@ -162,13 +164,15 @@ def last_frame(text: str) -> str:
     return f"{':'.join(own[-1][:2])} {error}" if own else error
 
 
-def fuzz(family: str, seed: int, numbers: range, keep: bool = False) -> Report:
+def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: float = 60) -> Report:
     """Run some inputs of a family."""
     report, began, inputs = Report(family, seed), time.monotonic(), Inputs(family, seed)
     top = Path(tempfile.mkdtemp(prefix="fuzz-", dir=os.environ.get("FUZZ_FOLDER")))
     preload(inputs[0], top)
     idle = run(["--version"], top).memory
     for k in numbers:
+        if time.monotonic() - began > 60 * minutes:
+            break
         one, folder = inputs[k], top / str(k)
         folder.mkdir()
         write(one.tree, folder)
@@ -221,27 +225,33 @@ def main() -> int:
     options.add_argument("--only", type=int, help="one input, whose folder is kept")
     options.add_argument("--jobs", type=int, default=1, help="families at a time")
     options.add_argument("--minutes", type=float, default=60, help="of the clock, of each family")
+    options.add_argument("--store", action="store_true", help=argparse.SUPPRESS)
     given = options.parse_args()
     families = given.family or [*FAMILIES, "flags"]
     if given.only is not None:
         return bool(fuzz(families[0], given.seed, range(given.only, given.only + 1), keep=True).findings)
     numbers = range(given.first, given.first + given.n)
+    if given.store:
+        report = fuzz(families[0], given.seed, numbers, minutes=given.minutes)
+        stored(families[0], given).write_text(json.dumps(asdict(report), indent=1), encoding="utf-8")
+        return 0
     with ThreadPoolExecutor(given.jobs) as pool:
-        reports = list(pool.map(lambda family: in_process(family, given.seed, numbers), families))
+        reports = list(pool.map(lambda family: in_process(family, given), families))
     return int(any(report.findings for report in reports))
 
 
-def in_process(family: str, seed: int, numbers: range) -> Report:
-    """Fuzz a family in a forked process, which stores the report: libraries of one are not loaded for another."""
-    file = CAMPAIGN / f"{family}-{seed}-{numbers.start}.json"
+def stored(family: str, given: argparse.Namespace) -> Path:
+    return CAMPAIGN / f"{family.replace(' ', '_')}-{given.seed}-{given.first}.json"
+
+
+def in_process(family: str, given: argparse.Namespace) -> Report:
+    """Fuzz a family in a process of its own, which stores the report: what one imports another has not to carry."""
+    file = stored(family, given)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.unlink(missing_ok=True)
-    pid = os.fork()
-    if not pid:
-        file.write_text(json.dumps(asdict(fuzz(family, seed, numbers)), indent=1), encoding="utf-8")
-        os._exit(0)
-    os.waitpid(pid, 0)
-    report = Report(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else Report(family, seed, findings={-1: "died"})
+    numbers = ["--seed", str(given.seed), "--first", str(given.first), "--n", str(given.n), "--minutes", str(given.minutes)]
+    subprocess.run([sys.executable, __file__, family, "--store", *numbers], check=False)
+    report = Report(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else Report(family, given.seed, findings={-1: "died"})
     kinds = Counter(re.sub(r"^.*?: (?=stat|std|sig|hang|\d|left)", "", found) for found in report.findings.values())
     print(f"{family}: {report.inputs} inputs, {len(report.findings)} findings, {report.seconds:.0f} s", flush=True)
     for kind, count in kinds.most_common():
