@@ -18,6 +18,7 @@ within the time, and in 512 MiB and 20 times the input. All else is a finding. E
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import re
@@ -184,7 +185,9 @@ def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: fl
             report.findings[k] = f"{shlex.join(one.words)[:200]}: {found}"
             print(f"{family} {k}: {report.findings[k]}", flush=True)
         if keep:
-            print(f"{folder}: unproject {shlex.join(one.words)}\n{ended.status}, {ended.memory >> 20} MiB, {ended.seconds:.1f} s\n{ended.stderr}")
+            print(
+                f"{folder}: unproject {shlex.join(one.words)}\n{ended.status}, {ended.memory >> 20} MiB, {ended.seconds:.1f} s\n{ended.stderr}"
+            )
         else:
             clear(folder)
     if not keep:
@@ -214,11 +217,17 @@ def preload(one: Input, folder: Path) -> None:
             __import__(name)
         except Exception:  # parts of packages that are made while they run
             continue
+    from unproject.cli import _parsed
+
+    with contextlib.suppress(ValueError):
+        _parsed(one.words[0], one.words[1:])  # compiles the regular expressions of reading flags
 
 
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("family", nargs="*", choices=[*FAMILIES, "flags", []], metavar="FAMILY", help=f"{', '.join(FAMILIES)} or flags")
+    options.add_argument(
+        "family", nargs="*", choices=[*FAMILIES, "flags", []], metavar="FAMILY", help=f"{', '.join(FAMILIES)} or flags"
+    )
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--n", type=int, default=200, help="inputs of each family")
     options.add_argument("--first", type=int, default=0, help="number of the first one")
@@ -249,9 +258,22 @@ def in_process(family: str, given: argparse.Namespace) -> Report:
     file = stored(family, given)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.unlink(missing_ok=True)
-    numbers = ["--seed", str(given.seed), "--first", str(given.first), "--n", str(given.n), "--minutes", str(given.minutes)]
+    numbers = [
+        "--seed",
+        str(given.seed),
+        "--first",
+        str(given.first),
+        "--n",
+        str(given.n),
+        "--minutes",
+        str(given.minutes),
+    ]
     subprocess.run([sys.executable, __file__, family, "--store", *numbers], check=False)
-    report = Report(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else Report(family, given.seed, findings={-1: "died"})
+    report = (
+        Report(**json.loads(file.read_text(encoding="utf-8")))
+        if file.exists()
+        else Report(family, given.seed, findings={-1: "died"})
+    )
     kinds = Counter(re.sub(r"^.*?: (?=stat|std|sig|hang|\d|left)", "", found) for found in report.findings.values())
     print(f"{family}: {report.inputs} inputs, {len(report.findings)} findings, {report.seconds:.0f} s", flush=True)
     for kind, count in kinds.most_common():

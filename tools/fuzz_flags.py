@@ -15,7 +15,20 @@ VALUES = (
     "x" * 300, "30,10", "nan,0", "directional:nan,0", "env:in/x.npz", "env:missing", "ambient", "albedo", "eta", "half", "glb", "png",
     "auto", "dark", "crop", "keep", "known", "predicted", "direct", "single", "0.1 0.2", "-", "--", "{}", "%s", "$HOME",
 )  # fmt: skip
-VERBS = ("train", "resume", "sample", "evaluate", "report", "export", "fit", "render", "reproduce", "recipes", "check", "data")
+VERBS = (
+    "train",
+    "resume",
+    "sample",
+    "evaluate",
+    "report",
+    "export",
+    "fit",
+    "render",
+    "reproduce",
+    "recipes",
+    "check",
+    "data",
+)
 SHORT = {
     "train": ("--steps", "1", "--quiet"), "resume": ("--steps", "2", "--quiet"), "fit": ("--candidates", "2", "--steps", "1"),
     "reproduce": ("--report",), "evaluate": ("--n", "4"),
@@ -40,7 +53,12 @@ def flags_of(verb: str, recipe: str = "") -> tuple[str, ...]:
     functions = [import_module(f"unproject.cli.{verb}").run]
     if recipe:
         functions.append(find_object(f"{TOY}:toy") if recipe == "toy" else recipes.find(recipe))
-    names = [name for function in functions for name, p in inspect.signature(function).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    names = [
+        name
+        for function in functions
+        for name, p in inspect.signature(function).parameters.items()
+        if p.kind is p.KEYWORD_ONLY
+    ]
     return tuple(dict.fromkeys([*names, *(Options.__annotations__ if recipe else ())]))
 
 
@@ -49,7 +67,11 @@ def words(rng: np.random.Generator) -> list[str]:
     from fuzz_seeds import TOY
 
     verb = of(rng, VERBS)
-    recipe = of(rng, ("toy", "toy", "shapes", "digits", "wood", "shapes-paper", "digits-paper", "wood-paper")) if verb == "train" else ""
+    recipe = (
+        of(rng, ("toy", "toy", "shapes", "digits", "wood", "shapes-paper", "digits-paper", "wood-paper"))
+        if verb == "train"
+        else ""
+    )
     found = [verb, *subject(verb, recipe, str(TOY), rng), *SHORT.get(verb, ())]
     for _ in range(int(rng.integers(1, 4))):
         name = of(rng, flags_of(verb, recipe))
@@ -68,7 +90,16 @@ def subject(verb: str, recipe: str, toy: str, rng: np.random.Generator) -> list[
     if verb == "export":
         return [of(rng, ("in", "in/x.npz", "in/maps.npz")), "--trust", "--out", of(rng, ("out", "out.png", "out.npz"))]
     if verb == "fit":
-        return ["in", of(rng, ("in/x.npz", "in/masks", "in/masks/a.png")), "--trust", "--tune", "0", "--no-novelty", "--out", "out"]
+        return [
+            "in",
+            of(rng, ("in/x.npz", "in/masks", "in/masks/a.png")),
+            "--trust",
+            "--tune",
+            "0",
+            "--no-novelty",
+            "--out",
+            "out",
+        ]
     if verb == "render":
         return ["in/maps.npz", "--samples", "2", "--out", "out.png"]
     if verb == "data":

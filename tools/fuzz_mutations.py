@@ -198,7 +198,25 @@ def gzipped(inner: Mutation) -> Mutation:
     return mutation
 
 
-DTYPES = ("|u1", "|b1", "|i1", "<u2", ">i4", "<i8", "<f2", "<f4", ">f8", "<f16", "<c8", "|S3", "<U2", "|O", "|V8", "<M8[s]", "|x9")
+DTYPES = (
+    "|u1",
+    "|b1",
+    "|i1",
+    "<u2",
+    ">i4",
+    "<i8",
+    "<f2",
+    "<f4",
+    ">f8",
+    "<f16",
+    "<c8",
+    "|S3",
+    "<U2",
+    "|O",
+    "|V8",
+    "<M8[s]",
+    "|x9",
+)
 SHAPES = (
     (), (0,), (1,), (3,), (2, 0, 4), (4, 16, 16), (4, 1, 16, 16), (4, 16, 16, 3), (1, 3, 1, 1), (2, 16, 16, 16), (2, 8, 4, 4), (1,) * 8,
     (1,) * 40, (2**31,), (2**40, 1, 1), (2**63, 2), (-1, 16, 16), (100_000, 1, 1), (1, 100_000, 1), (1, 1, 100_000), (3, 40_000, 2),
@@ -242,7 +260,9 @@ def array(data: bytes, rng: Rng) -> bytes:
         return npy_bytes(value.shape, kind, rng.bytes(min(value.size * 8, 10**6)), bool(rng.integers(2)))
     if chance < 0.8:
         return npy_bytes(of(rng, SHAPES), value.dtype.str, value.tobytes(), bool(rng.integers(2)))
-    shape = of(rng, [shape for shape in SHAPES if abs(np.prod(shape, dtype=float)) < 10**6 and min(shape, default=0) >= 0])
+    shape = of(
+        rng, [shape for shape in SHAPES if abs(np.prod(shape, dtype=float)) < 10**6 and min(shape, default=0) >= 0]
+    )
     return saved(np.resize(value, shape) if value.size else np.zeros(shape))
 
 
@@ -252,7 +272,21 @@ def saved(value: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-NAMES = ("volume", "image", "masks", "lines", "sinograms", "azimuth", "angle", "shape", "X_train", "names", "skipped", "normal", "fresnel")
+NAMES = (
+    "volume",
+    "image",
+    "masks",
+    "lines",
+    "sinograms",
+    "azimuth",
+    "angle",
+    "shape",
+    "X_train",
+    "names",
+    "skipped",
+    "normal",
+    "fresnel",
+)
 
 
 def zipped(data: bytes, rng: Rng) -> bytes:
@@ -281,7 +315,9 @@ def changed_members(members: list[tuple[str, bytes]], rng: Rng) -> list[tuple[st
     if what == 0:
         return members[:at] + members[at + 1 :]
     if what == 1:
-        renamed = of(rng, [*(f"{n}.npy" for n in NAMES), "x", "", "../x.npy", "a/b.npy", "\x1b.npy", "x" * 300 + ".npy"])
+        renamed = of(
+            rng, [*(f"{n}.npy" for n in NAMES), "x", "", "../x.npy", "a/b.npy", "\x1b.npy", "x" * 300 + ".npy"]
+        )
         return [*members[:at], (renamed, content), *members[at + 1 :]]
     if what == 2:
         return [*members, (f"{of(rng, NAMES)}.npy", array(of(rng, members)[1], rng))]
@@ -304,7 +340,9 @@ def png(data: bytes, rng: Rng) -> bytes:
     elif what == 1:
         chunks.insert(int(rng.integers(len(chunks))), (kind, body))
     elif what == 2:
-        added = of(rng, (b"tRNS", b"PLTE", b"gAMA", b"eXIf", b"iCCP", b"zTXt", b"acTL", b"fcTL", b"IDAT", b"cHRM", b"pHYs"))
+        added = of(
+            rng, (b"tRNS", b"PLTE", b"gAMA", b"eXIf", b"iCCP", b"zTXt", b"acTL", b"fcTL", b"IDAT", b"cHRM", b"pHYs")
+        )
         chunks.insert(int(rng.integers(len(chunks))), (added, rng.bytes(int(rng.integers(64)))))
     elif kind == b"IDAT" and what < 6:
         chunks[k] = (kind, zlib.compress(bytewise(zlib.decompress(body), rng)))
@@ -375,7 +413,16 @@ def differently_named(header: dict[str, Any], name: str, rng: Rng) -> dict[str, 
     if what <= 2:
         first, _, last = name.rpartition("/")
         prefixes = ("", "generator/", "average/", "panels/0/assignment/", "generator_optimiser/", "counters/", "kept/")
-        odd = (f"{first}/{last}x", f"{first}/x/y", "x", "", f"{of(rng, prefixes)}{last}", f"{of(rng, prefixes)}9/step", "\x1b", f"{name}/")
+        odd = (
+            f"{first}/{last}x",
+            f"{first}/x/y",
+            "x",
+            "",
+            f"{of(rng, prefixes)}{last}",
+            f"{of(rng, prefixes)}9/step",
+            "\x1b",
+            f"{name}/",
+        )
         return {(of(rng, odd) if n == name else n): e for n, e in header.items()}
     if what == 3:
         sizes = {"F64": 8, "F32": 4, "F16": 2, "BF16": 2, "I64": 8, "I32": 4, "U8": 1, "BOOL": 1}

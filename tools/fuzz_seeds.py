@@ -149,7 +149,12 @@ def mesh(suffix: str) -> Callable[[], list[Tree]]:
         shapes = (trimesh.creation.box((1, 2, 3)), trimesh.creation.icosphere(1))
         made: list[bytes | str] = [shape.export(file_type=suffix) for shape in shapes]  # pyright: ignore
         if suffix in ("ply", "stl"):
-            made.append(shapes[0].export(file_type={"ply": "ply", "stl": "stl_ascii"}[suffix], **({"encoding": "ascii"} if suffix == "ply" else {})))  # pyright: ignore # noqa: E501
+            made.append(
+                shapes[0].export(
+                    file_type={"ply": "ply", "stl": "stl_ascii"}[suffix],
+                    **({"encoding": "ascii"} if suffix == "ply" else {}),
+                )
+            )  # pyright: ignore # noqa: E501
         good = {"in/a.binvox": binvox()[0]["in/b.binvox"]}
         data = [part if isinstance(part, bytes) else part.encode() for part in made]
         return [{f"in/b.{suffix}": one} for one in data] + [{f"in/b.{suffix}": data[0], **good}]
@@ -164,7 +169,11 @@ def gltf() -> list[Tree]:
     return [{f"in/{'b.gltf' if name.endswith('.gltf') else name}": data for name, data in files.items()}]
 
 
-READ_SHAPES = ("data inspect in --size 8", "data inspect in/b.{0} --size 8", "data inspect in --size 8 --strict --out out.png")
+READ_SHAPES = (
+    "data inspect in --size 8",
+    "data inspect in/b.{0} --size 8",
+    "data inspect in --size 8 --strict --out out.png",
+)
 
 
 def shape_files(suffix: str, mutation: Mutation, seeds: Callable[[], list[Tree]]) -> Family:
@@ -202,7 +211,10 @@ def textures() -> list[Tree]:
 def views() -> list[Tree]:
     table = "file,azimuth,elevation\na.png,0,10\nb.png,90,0\nc.png,-30.5,1e1\n"
     files = {f"in/{name}.png": picture("png") for name in "abc"}
-    return [{"in/views.csv": table.encode(), **files}, {"in/views.csv": table.replace(",elevation", "").replace(",10", "").encode(), **files}]
+    return [
+        {"in/views.csv": table.encode(), **files},
+        {"in/views.csv": table.replace(",elevation", "").replace(",10", "").encode(), **files},
+    ]
 
 
 # What the package wrote itself
@@ -212,7 +224,9 @@ def run_words(words: str, folder: str, inputs: Tree | None = None) -> Tree:
     """What a folder holds after a command was run in it."""
     write(inputs or {}, Path(folder))
     command = [sys.executable, "-m", "unproject", *words.split()]
-    subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    subprocess.run(
+        command, cwd=folder, check=True, stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"}
+    )
     return read(Path(folder))
 
 
@@ -224,7 +238,9 @@ def write(tree: Tree, folder: Path) -> None:
 
 
 def read(folder: Path) -> Tree:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()
+    }
 
 
 TRAIN = f"train {TOY}:toy --steps 2 --checkpoint-every 1 --quiet --threads 1 --out in"
@@ -241,11 +257,15 @@ def run() -> list[Tree]:
 
 
 def pack() -> list[Tree]:
-    files = {f"masks/{name}.png": picture("png") for name in "abc"} | {"masks/views.csv": b"file,azimuth\na.png,0\nb.png,9\nc.png,5\n"}
+    files = {f"masks/{name}.png": picture("png") for name in "abc"} | {
+        "masks/views.csv": b"file,azimuth\na.png,0\nb.png,9\nc.png,5\n"
+    }
     found = []
     for recipe in ("shapes", "digits"):
         with tempfile.TemporaryDirectory() as folder:
-            found.append({"in/x.npz": run_words(f"data pack masks --for {recipe} --out p.npz --size 24", folder, files)["p.npz"]})
+            found.append(
+                {"in/x.npz": run_words(f"data pack masks --for {recipe} --out p.npz --size 24", folder, files)["p.npz"]}
+            )
     return found
 
 
@@ -253,7 +273,13 @@ def results() -> list[Tree]:
     """Results of a figure, as docs/results holds them."""
     folder = ROOT / "docs" / "results" / "reproduction" / "cpu" / "results"
     names = [name for name in os.listdir(folder) if name.endswith(".json") and name.split("-")[0] in ("birds", "truth")]
-    return [{f"in/cpu/results/{n}": (folder / n).read_bytes() for n in sorted(names) if n.startswith(("birds", "truth-birds"))}]
+    return [
+        {
+            f"in/cpu/results/{n}": (folder / n).read_bytes()
+            for n in sorted(names)
+            if n.startswith(("birds", "truth-birds"))
+        }
+    ]
 
 
 FIT = "fit in in/x.png --out in/fits --candidates 4 --starts 1 --steps 1 --tune 0 --no-novelty --trust --threads 1"
@@ -270,7 +296,12 @@ READ_RUN = (
     "export in --n 2 --to npz --out out.npz --trust", "report in --out out.html --trust", "sample in --n 2 --out out.npz",
     f"train {TOY}:toy --steps 1 --quiet --views known --threads 1 --from in --out out",
 )  # fmt: skip
-WITHOUT_TRUST = ("sample in --n 2 --out out.npz", "resume in --steps 3 --quiet", "evaluate in --n 4", "report in --out out.html")
+WITHOUT_TRUST = (
+    "sample in --n 2 --out out.npz",
+    "resume in --steps 3 --quiet",
+    "evaluate in --n 4",
+    "report in --out out.html",
+)
 
 FAMILIES: dict[str, Family] = {
     **{suffix: pictures(suffix) for suffix in MODES},

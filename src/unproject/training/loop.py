@@ -13,7 +13,7 @@ from .recipe import Recipe
 from .recorder import Recorder
 from .recovery import roll_back
 from .run import Run
-from .signals import stop_request
+from .signals import stop_request, stop_with_parent
 from .start import start_from
 from .state import State
 from .trainer import Interrupted, Trainer
@@ -57,8 +57,11 @@ def train(
     began = None if start is None else start_from(state, Path(start))
     distribution.barrier()
     if distribution.leads:
-        run_directory.create(out, recipe, began)
+        out.mkdir(parents=True, exist_ok=True)
     with run_directory.locked(out, distribution.leads):
+        if distribution.leads:
+            run_directory.check_free(out)  # another process may have made a run there meanwhile
+            run_directory.create(out, recipe, began)
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())
         return _run(recipe, out, state, distribution, quiet)
@@ -120,6 +123,7 @@ def resume(
 
 
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
+    stop_with_parent()
     with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
         going = True

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .._files import understood
 from .._objects import find_object
 from .._random import seeded
 from .._types import UserError
@@ -89,8 +90,9 @@ class Run:
 
     def stats(self) -> list[dict[str, Any]]:
         """Return the lines of the log: `step`, `seconds`, losses and events."""
-        text = (self.path / "stats.jsonl").read_text(encoding="utf-8")
-        return [json.loads(line) for line in text.splitlines()]
+        file = self.path / "stats.jsonl"
+        with understood(file, "remove the damaged lines"):
+            return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
 
     def recipe(self, trust: bool = False) -> Recipe:
         """Make the run's recipe again.
