@@ -44,8 +44,9 @@ import numpy as np
 from fuzz_seeds import FAMILIES, ROOT, Tree, clear, write
 
 CAMPAIGN = ROOT / "build" / "campaign"
-MEMORY, TIMES, ADDRESSES, SECONDS = 2**29, 20, 2**31, 60
-"""Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the clock."""
+MEMORY, TIMES, ADDRESSES, SECONDS, PATIENCE = 2**29, 20, 2**31, 60, 10
+"""Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the processor, and how
+many times more by the clock, since others may use the machine."""
 SAID = re.compile(r"unproject: [^\n]+\n")
 REMARKS = re.compile(r"((warning: |skipped )[^\n]*\n)*")
 UNFINISHED = ("*/.*.tmp*", ".*.tmp*", "out", "out.*", ".tmp*")
@@ -105,7 +106,8 @@ def child(words: list[str], folder: Path) -> None:
     try:
         os.chdir(folder)
         resource.setrlimit(resource.RLIMIT_AS, (mapped() + ADDRESSES,) * 2)
-        signal.setitimer(signal.ITIMER_REAL, SECONDS)
+        signal.setitimer(signal.ITIMER_REAL, PATIENCE * SECONDS)
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
         for number, name in ((0, os.devnull), (1, "stdout"), (2, "stderr")):
             os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
         sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
@@ -142,7 +144,7 @@ def run(words: list[str], folder: Path, idle: int = 0) -> Ended:
 
 def wrong(ended: Ended, folder: Path, size: int) -> str:
     """What a command should not have done, or nothing."""
-    if ended.status == -signal.SIGALRM:
+    if ended.status in (-signal.SIGALRM, -signal.SIGXCPU, -signal.SIGKILL):
         return f"hangs: over {SECONDS} s"
     if ended.status < 0:
         return f"signal {-ended.status}"

@@ -74,7 +74,7 @@ def words(rng: np.random.Generator) -> list[str]:
     )
     found = [verb, *subject(verb, recipe, str(TOY), rng), *SHORT.get(verb, ())]
     for _ in range(int(rng.integers(1, 4))):
-        name = of(rng, flags_of(verb, recipe))
+        name = of(rng, flags_of(verb, recipe) or ("x",))
         if name not in FIXED:
             found += [f"--{name.rstrip('_').replace('_', '-')}", *([of(rng, VALUES)] if rng.random() < 0.9 else [])]
     if rng.random() < 0.05:

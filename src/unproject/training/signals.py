@@ -15,7 +15,7 @@ PARENT = "UNPROJECT_PARENT"
 
 
 def stop_with_parent() -> None:
-    """Let this process stop, as by SIGTERM, when the one that `PARENT` names is gone: one that was killed says nothing."""
+    """Let this process stop, as by SIGTERM, when the one that `PARENT` names is gone, even if it was killed."""
     parent = os.environ.get(PARENT, "")
     if parent.isdecimal():
         threading.Thread(target=_stop_after, args=(int(parent),), daemon=True).start()
