@@ -1,12 +1,14 @@
 # Everything runs in a fresh clone: each target installs what it needs first.
 PYTHON ?= python3
 WORKERS ?= 2
+INPUTS ?= 10000
+KILLS ?= 1000
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
-.PHONY: install demo test lint format pytest bench dist clean
+.PHONY: install demo test lint format pytest bench campaign dist clean
 .DEFAULT_GOAL := install
 
 install: $(STAMP)
@@ -51,6 +53,12 @@ bench: install
 	@test -d $(VENV)/llvm || { command -v apt-get dpkg >/dev/null && cd $(VENV) && apt-get download -qq libllvm19 2>/dev/null \
 	    && dpkg -x libllvm19_*.deb llvm; } || echo 'unproject: LLVM could not be fetched; Mitsuba is left out'
 	$(BIN)/python benchmarks/run.py
+
+# Every reader and flag with damaged and hostile input, and kills at random moments; the report is docs/campaign.md.
+campaign: install
+	OMP_NUM_THREADS=1 $(BIN)/python tools/fuzz.py --n $(INPUTS) --jobs $(WORKERS) || echo 'unproject: there are findings, see above'
+	OMP_NUM_THREADS=1 $(BIN)/python tools/kills.py --n $(KILLS) || echo 'unproject: something was lost, see above'
+	$(BIN)/python tools/campaign_page.py
 
 # A source archive and a wheel with compiled kernels, in dist/. auditwheel looks which glibc the kernels need, and names the
 # wheel after it; the time of files is that of the commit, so that a build can be repeated.

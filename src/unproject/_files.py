@@ -10,12 +10,14 @@ What is read may be a pipe, for which a reader would wait for ever, or a small f
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from ._types import UserError
 
@@ -86,6 +88,32 @@ def check_unpacked(path: str | os.PathLike[str], size: int) -> None:
             f"{path}: announces {size / 2**20:.0f} MiB in a file of {stored / 2**20:.3f}, more than {UNPACKED >> 20} "
             f"and {TIMES} times the file; make it smaller, or save arrays as .npy, which are read as they are needed"
         )
+
+
+@contextmanager
+def understood(path: str | os.PathLike[str], fix: str) -> Iterator[None]:
+    """Say that a file is damaged, whatever its content makes the block that reads it raise.
+
+    Content that was valid when it was written may be anything by now: of other types, shapes and names, endlessly deep.
+
+    Raises:
+        UserError: naming the file and what to do.
+    """
+    try:
+        yield
+    except (UserError, MemoryError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        raise UserError(f"{path}: damaged ({reason}); {fix}") from error
+
+
+def read_json(path: Path, fix: str) -> Any:
+    """Read a JSON file; what its reader raises becomes a UserError that names the file and what to do."""
+    with understood(path, fix):
+        return json.loads(path.read_text(encoding="utf-8"))
 
 
 def paths_below(folder: Path) -> list[Path]:

@@ -38,6 +38,20 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
 
 
+def check_widths(where: str, **widths: int) -> None:
+    """Raise UserError for a width of a network that is less than 1.
+
+    Examples:
+        >>> check_widths("generator", channels=0)
+        Traceback (most recent call last):
+        ...
+        unproject._types.UserError: generator: channels=0; give at least 1
+    """
+    for name, width in widths.items():
+        if width < 1:
+            raise UserError(f"{where}: {name}={width}; give at least 1")
+
+
 class UserError(ValueError):
     """A mistake that the user can fix; the message says what, where and how.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from typing import TypeAlias
 
 import torch
 from torch import Tensor
+
+from .._types import UserError
 
 Discriminate: TypeAlias = Callable[[Tensor], Tensor]
 """Images (B, C, ...) to logits (B,), the head of each image fixed."""
@@ -48,6 +51,11 @@ def squared_gradient_norms(discriminator: Discriminate, images: Tensor) -> Tenso
     return gradient.flatten(1).square().sum(1)
 
 
+def _check(penalty: Penalty, weight: float, every: int) -> None:
+    if not (0 <= weight < math.inf and every >= 1):
+        raise UserError(f"{penalty}: give a finite weight of at least 0, and steps of at least 1")
+
+
 @dataclass(frozen=True)
 class GradientPenalty(Penalty):
     """WGAN-GP: λ E (‖∂D/∂ŷ‖ - 1)², ŷ uniform on the segment between a real and a generated image.
@@ -68,6 +76,9 @@ class GradientPenalty(Penalty):
 
     weight: float = 10.0
     every: int = 1
+
+    def __post_init__(self) -> None:
+        _check(self, self.weight, self.every)
 
     def __call__(self, discriminator: Discriminate, real: Tensor, fake: Tensor, rng: torch.Generator) -> Tensor:
         u = torch.rand(len(real), generator=rng).to(real).view(-1, *[1] * (real.dim() - 1))
@@ -96,6 +107,9 @@ class R1R2(Penalty):
 
     gamma: float = 1.0
     every: int = 4
+
+    def __post_init__(self) -> None:
+        _check(self, self.gamma, self.every)
 
     def __call__(self, discriminator: Discriminate, real: Tensor, fake: Tensor, rng: torch.Generator) -> Tensor:
         norms = squared_gradient_norms(discriminator, real).mean() + squared_gradient_norms(discriminator, fake).mean()

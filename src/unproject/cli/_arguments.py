@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import io
+import math
 import re
 import types
 import typing
@@ -211,7 +212,17 @@ def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
             raise HelpPrinted from None
         wrong = _in_one_line(said.getvalue())
         raise UserError(f"{verb}: {wrong}{_perhaps(wrong, options)} (`unproject {verb} --help`)") from None
-    return {field.name: getattr(read, field.name) for field in dataclasses.fields(read)}
+    values = {field.name: getattr(read, field.name) for field in dataclasses.fields(read)}
+    for name, value in values.items():
+        _check_number(name, value)
+    return values
+
+
+def _check_number(name: str, value: Any) -> None:
+    """Refuse what no flag of ours can mean, nor any of a user's recipe that is to be written into recipe.json."""
+    for number in value if isinstance(value, (tuple, list)) else (value,):
+        if isinstance(number, (int, float)) and not abs(number) < (math.inf if isinstance(number, float) else 2**63):
+            raise UserError(f"--{name.rstrip('_').replace('_', '-')} {number}: give a finite number")
 
 
 def _in_one_line(box: str) -> str:

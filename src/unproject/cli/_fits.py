@@ -15,8 +15,9 @@ import numpy as np
 import torch
 from PIL import Image
 
-from .._files import atomic_path
-from .._types import UserError
+from .._files import atomic_path, read_json, understood
+from .._types import UserError, printable
+from ..data.readers.arrays import load_arrays
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..export.pictures import graphs
 from ..training.description import describe
@@ -86,7 +87,9 @@ def write_fits(job: Job, together: bool) -> None:
     for k, row in enumerate(rows):
         sheet.paste(row, (0, sum(other.height for other in rows[:k])))
     save_image(sheet, job.out / "sheet.png")
-    bad = [entry["name"] for entry in entries if entry["explained"] is False]
+    bad = [entry for entry in entries if not entry["explained"]]
+    for entry in bad:  # once all went well: of a mistake there is one line and no more
+        print(printable(f"warning: {entry['name']} is not explained: {entry['why']}"), file=sys.stderr)
     print(f"{job.out}: {len(entries)} fits, {len(entries) - len(bad)} of them explain their pictures")
 
 
@@ -99,12 +102,16 @@ def _entry(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str
         entry = {"name": name, **described(job, some, fit), "seconds": round(time.perf_counter() - begin, 2)}
         _write_fit(job, file.parent, some.floats(), fit)
         _write_text(file, json.dumps(entry, indent=1))
-    entry = json.loads(file.read_text(encoding="utf-8"))
-    says = f"{name}: distance {entry['distance']:.2f}, {len(rows)} pictures, {entry['seconds']:.1f} s ({k + 1}/{count})"
-    print(says, flush=True)
-    if entry["explained"] is False:
-        print(f"warning: {name} is not explained: {entry['why']}", file=sys.stderr)
+    entry = read_json(file, ANEW)
+    with understood(file, ANEW):
+        distance, seconds = f"distance {entry['distance']:.2f}", f"{entry['seconds']:.1f} s"
+        if entry["name"] != name or not isinstance(entry["explained"], bool) or not isinstance(entry["why"], str):
+            raise TypeError("it is of another object, or does not say whether that is explained")
+    print(f"{name}: {distance}, {len(rows)} pictures, {seconds} ({k + 1}/{count})", flush=True)
     return entry
+
+
+ANEW = "remove its folder, and the same command makes it anew"
 
 
 def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
@@ -145,13 +152,13 @@ def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
 
 
 def _best(file: Path) -> Tensor:
-    with np.load(file) as arrays:
-        return torch.from_numpy(arrays["x"][0])
+    with understood(file, ANEW):
+        return torch.from_numpy(load_arrays(file)["x"][0])
 
 
 def _claim(file: Path, settings: dict[str, Any]) -> None:
     """Refuse a folder that holds other fits, or the same by other settings."""
-    if file.is_file() and json.loads(file.read_text(encoding="utf-8")) != settings:
+    if file.is_file() and read_json(file, "give another --out, or remove that folder") != settings:
         raise UserError(f"{file.parent}: holds fits of other pictures or with other flags; give another --out")
     if not file.is_file():
         if file.parent.is_dir() and any(file.parent.iterdir()):

@@ -16,12 +16,16 @@ if TYPE_CHECKING:
     from ..domains import Domain
 
 
+MOST_THREADS = 1024
+"""More take the machine's memory for their stacks, and end the process."""
+
+
 def use_threads(threads: int | None) -> None:
     """Let torch use this many threads; None leaves its own choice."""
     if threads is None:
         return
-    if threads < 1:
-        raise UserError(f"--threads {threads}: give at least 1")
+    if not 1 <= threads <= MOST_THREADS:
+        raise UserError(f"--threads {threads}: give 1 to {MOST_THREADS}")
     import torch
 
     torch.set_num_threads(threads)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect as inspect_module
 import json as json_format
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -112,7 +113,7 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
         raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
     size = size or _size_of(recipe, path) * (1 if images else ENLARGED)
     out = out or path.with_name(f"{path.name}.npz")
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("packing")
         how = How(size, images, framing=framing, strict=strict)
         found = pack(path, out, how, lambda done, total: bar.update(task, completed=done, total=total))

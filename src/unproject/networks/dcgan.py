@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from .._types import UserError
+from .._types import UserError, check_widths
 from .blocks import upsampling_levels
 
 
@@ -46,6 +46,7 @@ class DCGANDiscriminator(nn.Module):
         kernels: int = 16,
         slope: float = 0.2,
     ) -> None:
+        check_widths("DCGAN discriminator", channels=channels)
         super().__init__()
         if len(shape) != 3 or shape[1] != shape[2]:
             raise UserError(f"DCGAN discriminator: give square images (C, H, H), not {shape}")

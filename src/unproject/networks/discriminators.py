@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.nn.utils.parametrize import register_parametrization
 
-from .._types import UserError
+from .._types import UserError, check_widths
 from .blocks import HeadConv
 
 BLOCKS = 4
@@ -60,6 +60,7 @@ class Discriminator(nn.Module):
         common: bool = False,
         volumetric: bool = False,
     ) -> None:
+        check_widths("discriminator", channels=channels)
         super().__init__()
         sides = shape if volumetric else shape[1:]
         dims = len(sides)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from .._random import generator_at
-from .._types import UserError
+from .._types import UserError, check_widths
 from ..ops.hull import visual_hull
 from .blocks import SmoothUpsampling, upsampling_levels
 
@@ -185,6 +185,7 @@ class VoxelGenerator(Generator):
         truncation: float | None = None,
         batch_statistics: bool = False,
     ) -> None:
+        check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
         widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
         self.mirror, self.width = mirror, channels
@@ -248,6 +249,7 @@ class ImageGenerator(Generator):
         bias: float = -2.0,
         truncation: float | None = None,
     ) -> None:
+        check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
         widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
         self.width = channels
@@ -291,6 +293,7 @@ class SmoothImageGenerator(Generator):
         bias: float = -2.0,
         truncation: float | None = None,
     ) -> None:
+        check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
         self.levels = SmoothUpsampling(code_size, channels, outputs, (size, size), upsampling_levels(size))
         nn.init.constant_(self.levels.last.bias, bias)  # pyright: ignore[reportArgumentType]

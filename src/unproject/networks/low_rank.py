@@ -7,7 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-from .._types import UserError
+from .._types import UserError, check_widths
 from ..ops.limits import limited, penalised
 from ..ops.refinement import refined
 from .blocks import SmoothUpsampling, upsampling_levels
@@ -71,6 +71,7 @@ class LowRankGenerator(Generator):
         truncation: float | None = None,
         hull: bool | float = False,
     ) -> None:
+        check_widths("LowRankGenerator", size=size, code_size=code_size, channels=channels, rank=rank)
         super().__init__(code_size, truncation, hull)
         hidden = 256
         if mirror not in (False, True, "x", "z"):

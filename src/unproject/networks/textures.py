@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .._types import UserError
+from .._types import UserError, check_widths
 from ..ops.low_discrepancy import STEPS
 from .blocks import upsampling_levels
 
@@ -62,6 +62,7 @@ class TextureDiscriminator(nn.Module):
         hidden: int = 128,
         slope: float = 0.2,
     ) -> None:
+        check_widths("texture discriminator", channels=channels)
         super().__init__()
         if len(shape) != 3 or shape[1] != shape[2]:
             raise UserError(f"texture discriminator: give square images (C, H, H), not {shape}")

@@ -73,14 +73,18 @@ def panel_of(
     return Panel(observations, collection, assignment, held_out=held_out)
 
 
+MOST_ROUNDS = 10_000
+"""More would come oftener than steps, and lie in memory."""
+
+
 def frequent_rounds(rounds: int, balance: float, start: float = 0.05) -> Predicted:
     """Return many short rounds with views drawn from the responsibilities: stochastic EM.
 
     While the predictor is poor its draws are nearly random and training is PrGAN's; a few long rounds of most probable
     views would fix what the first, wrong shapes suggest.
     """
-    if rounds < 1 or not 0 <= balance <= 1:
-        raise UserError(f"rounds={rounds}, balance={balance}: give at least 1 round and a balance of 0 to 1")
+    if not 1 <= rounds <= MOST_ROUNDS or not 0 <= balance <= 1:
+        raise UserError(f"rounds={rounds}, balance={balance}: give 1 to {MOST_ROUNDS} rounds and a balance of 0 to 1")
     starts = tuple(start + (0.98 - start) * k / rounds for k in range(rounds))
     return Predicted(
         Rounds(starts, LEAST_STEPS), PredictorFit(images=1024, steps=30), Estimator("posterior", balance=balance)

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from .._files import read_json, understood
 from .._types import UserError
 from ..metrics import Score
 from ..training import checkpoint
@@ -67,19 +68,40 @@ class Result:
         Raises:
             UserError: the file is damaged.
         """
-        try:
-            content = json.loads(self.file.read_text(encoding="utf-8"))
-            if not all(math.isfinite(score["value"]) for score in content["scores"].values()):
-                raise ValueError("a score is not finite")
-            for name in ("steps", "seconds", "environment") if "steps" in content else ():
-                content[name]
+        content = read_json(self.file, AGAIN)
+        with understood(self.file, AGAIN):
+            for score in content["scores"].values():
+                if not math.isfinite(score["value"]):
+                    raise ValueError("a score is not finite")
+                _check_kinds(score, {"value": (int, float), "protocol": str, "n": int, "seed": int})
+            if "steps" in content:
+                _check_kinds(content, {"steps": int, "seconds": (int, float), "environment": dict})
+                _check_kinds(content["environment"], MADE)
+                _check_kinds(dict(enumerate(content["environment"]["command"])), {}, str)
             return content
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise UserError(f"{self.file}: damaged ({error}); remove it, and its arm is scored again") from error
 
     def values(self) -> dict[str, float]:
         """Return score → value."""
         return {name: float(score["value"]) for name, score in self.read()["scores"].items()}
+
+
+MADE: dict[str, Any] = {
+    "command": list, "started": str, "commit": (str, type(None)), "processor": str, "cpus": (int, type(None)),
+    "threads": int, "cuda": (str, type(None)),
+}  # fmt: skip
+"""Types of what a report says of how an arm was trained."""
+AGAIN = "remove it, and its arm is scored again"
+
+
+def _check_kinds(content: Mapping[Any, Any], kinds: Mapping[str, Any], of_all: Any = object) -> None:
+    """Raise an error unless values are of these types, and all of one type, and can be written in a report."""
+    for name, kind in kinds.items():
+        if not isinstance(content[name], kind):
+            raise TypeError(f"{name} is {content[name]!r}")
+    if not all(isinstance(value, of_all) for value in content.values()):
+        raise TypeError(f"one of {list(content.values())} is of another type")
+    for value in content.values():
+        str(value).encode()  # JSON may hold halves of characters, which no file takes
 
 
 def as_json(value: Mapping[str, Any]) -> dict[str, Any]:
@@ -89,7 +111,9 @@ def as_json(value: Mapping[str, Any]) -> dict[str, Any]:
 
 def provenance(run: Path) -> dict[str, Any]:
     """Return a run's seconds, command, commit, versions and machine; paths are shortened to their last part."""
-    stored = environment() | json.loads((run / "environment.json").read_text(encoding="utf-8"))
+    file = run / "environment.json"
+    stored = environment() | read_json(file, "restore it from a copy, or remove the run and train its arm again")
+    _check_kinds(dict(enumerate(stored["command"])), {}, str)
     command = [Path(part).name if Path(part).is_absolute() else part for part in stored["command"]]
     return {"seconds": seconds_of(run), "environment": stored | {"command": command}}
 

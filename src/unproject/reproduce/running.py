@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from typing import Any
 from .._types import UserError
 from ..training import checkpoint
 from ..training.run_directory import BUDGET, read_recipe
+from ..training.signals import PARENT
 from .budgets import flags_of
 from .figure import Arm, Budget
 from .place import Place
@@ -138,7 +140,11 @@ class _Training:
     def _wait(self, words: list[str]) -> tuple[int, str]:
         """Run `unproject` with these words; return its exit status and what it wrote to stderr."""
         child = subprocess.Popen(
-            [sys.executable, "-m", "unproject", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-m", "unproject", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, PARENT: str(os.getpid())},
         )
         self.children.add(child)
         _, errors = child.communicate()

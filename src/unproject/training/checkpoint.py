@@ -15,6 +15,7 @@ from .._types import UserError
 
 FORMAT = "unproject-1"
 KEEP = 2
+OLDER = "delete it, and the run resumes from the one before"
 
 
 def save(folder: Path, step: int, tensors: dict[str, Tensor]) -> Path:
@@ -55,9 +56,15 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
         with safe_open(path, framework="pt") as file:
             check_format(path, (file.metadata() or {}).get("format", ""))
             wanted = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
-            return {name: file.get_tensor(name).clone() for name in wanted}  # else they live in the mapped file
-    except (SafetensorError, OSError) as error:
-        raise UserError(f"{path}: damaged ({error}); delete it, and the run resumes from the one before") from error
+            tensors = {name: file.get_tensor(name).clone() for name in wanted}  # else they live in the mapped file
+    except UserError:
+        raise
+    except Exception as error:  # types that torch has not, lengths that no number holds
+        raise UserError(f"{path}: damaged ({error}); {OLDER}") from error
+    for name, values in tensors.items():
+        if values.is_floating_point() and not values.isfinite().all():  # none that is not finite is ever written
+            raise UserError(f"{path}: damaged ({name} is not finite); {OLDER}")
+    return tensors
 
 
 def check_format(path: Path, stored: str) -> None:

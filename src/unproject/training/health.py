@@ -21,7 +21,12 @@ class Diverged(UserError):
 
 
 def diversity(real: Tensor, fake: Tensor) -> float:
-    """Return the standard deviation over the batch, averaged over pixels, of generated over that of real images."""
+    """Return the standard deviation over the batch, averaged over pixels, of generated over that of real images.
+
+    One image has none; then the two count as alike.
+    """
+    if len(fake) < 2:
+        return 1.0
     return float(fake.std(0).mean() / real.std(0).mean().clamp_min(1e-9))
 
 

@@ -14,7 +14,7 @@ from .recipe import Recipe
 from .recorder import Recorder
 from .recovery import roll_back
 from .run import Run
-from .signals import stop_request
+from .signals import stop_request, stop_with_parent
 from .start import start_from
 from .state import State
 from .trainer import Interrupted, Trainer
@@ -65,10 +65,13 @@ def train(
     began = None if start is None else start_from(state, Path(start))
     distribution.barrier()
     if distribution.leads:
-        run_directory.create(out, recipe, began)
-        if log is not None:
-            (out / event_file.FOLDER).mkdir(exist_ok=True)
+        out.mkdir(parents=True, exist_ok=True)
     with run_directory.locked(out, distribution.leads):
+        if distribution.leads:
+            run_directory.check_free(out)  # another process may have made a run there meanwhile
+            run_directory.create(out, recipe, began)
+            if log is not None:
+                (out / event_file.FOLDER).mkdir(exist_ok=True)
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())
         return _run(recipe, out, state, distribution, quiet)
@@ -130,6 +133,7 @@ def resume(
 
 
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
+    stop_with_parent()
     with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
         going = True

@@ -8,10 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec
 
+from .._files import understood
 from .._objects import find_object
 from .._types import UserError
 from .description import full_name
 from .recipe import Options, Origin, Recipe
+from .run_directory import RESTORE
 
 P = ParamSpec("P")
 OPTIONS = tuple(Options.__annotations__)
@@ -110,7 +112,8 @@ def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recip
     kept = {key: _restored(value) for key, value in origin.arguments.items()}
     if {"steps", "minutes"} & changes.keys():
         kept = {key: value for key, value in kept.items() if key not in ("steps", "minutes")}
-    return make(origin.recipe, function, {**kept, **changes})
+    with understood("recipe.json", f"the arguments of {origin.recipe} are no longer what it takes: {RESTORE}"):
+        return make(origin.recipe, function, {**kept, **changes})
 
 
 def _trusted(origin: Origin, trust: bool) -> Callable[..., Any]:

@@ -37,6 +37,11 @@ class Adam:
     beta2: float = 0.95
     final: float | None = None
 
+    def __post_init__(self) -> None:
+        betas = 0 <= self.beta1 < 1 and 0 <= self.beta2 < 1
+        if not (0 <= self.rate < math.inf and betas and 0 <= (self.final or 0) < math.inf):
+            raise UserError(f"{self}: give finite rates of at least 0, and betas of 0 to below 1")
+
     def rate_at(self, progress: float) -> float:
         """Return the learning rate when `progress`, 0 to 1, of the budget is spent."""
         if self.final is None:

@@ -58,9 +58,9 @@ class Recorder:
         """
         if not self.file.exists():
             return
-        kept = self.file.read_text(encoding="utf-8").splitlines(keepends=True)[:lines]
+        kept = self.file.read_bytes().splitlines(keepends=True)[:lines]  # a damaged line is no text
         with naming(self.file), atomic_path(self.file) as temporary:
-            temporary.write_text("".join(kept), encoding="utf-8")
+            temporary.write_bytes(b"".join(kept))
 
     def __enter__(self) -> Recorder:
         self.bar.start()
@@ -92,7 +92,7 @@ class Recorder:
 
     def say(self, message: str) -> None:
         """Print a line above the bar."""
-        self.bar.console.print(message, highlight=False)
+        self.bar.console.print(message, highlight=False, soft_wrap=True)
 
     def subtask(self, name: str, total: int) -> Callable[[int, float], None]:
         """Show a second bar; the function returned moves it to (done, loss) and removes it at `total`."""

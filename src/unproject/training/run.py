@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .._files import understood
 from .._objects import find_object
 from .._random import seeded
 from .._types import UserError
@@ -32,6 +33,9 @@ from .recipe import Recipe
 from .run_directory import read_origin, read_recipe
 from .state import begin_assignments, keep_hull_if_level, load_module
 from .verdict import Verdict, judge
+
+MANY = 10_000
+"""Samples from which on their memory is looked at beforehand."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +88,23 @@ class Run:
         """
         if size is not None and self.domain.name == "volume":
             _require_memory_of(n, size)
+        self._require_memory(n)
         x = self.generator.sample(n, seed) if size is None else self.generator.sample(n, seed, size=size)
         return self.domain.largest_part(x) if largest_part else x
 
+    def _require_memory(self, n: int) -> None:
+        """Refuse as many samples as do not fit: twice, while they are put together."""
+        if n > MANY:
+            need, there = 8 * n * self.generator.sample(1).numel(), available_memory(torch.device("cpu"))
+            if there is not None and need > there:
+                takes = f"take about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available"
+                raise UserError(f"{n} samples {takes}; lower n")
+
     def stats(self) -> list[dict[str, Any]]:
         """Return the lines of the log: `step`, `seconds`, losses and events."""
-        text = (self.path / "stats.jsonl").read_text(encoding="utf-8")
-        return [json.loads(line) for line in text.splitlines()]
+        file = self.path / "stats.jsonl"
+        with understood(file, "remove the damaged lines"):
+            return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
 
     def recipe(self, trust: bool = False) -> Recipe:
         """Make the run's recipe again.
@@ -126,6 +140,7 @@ class Run:
         """
         states = self.assignments(recipe or self.recipe(trust))
         count = n or self.domain.scored
+        self._require_memory(count)
         views = estimated_view_scores(self.domain, states, seed, ceiling)
         if reference is None:
             return self_checks(self.generator, self.domain, states, count, seed) | views

@@ -32,13 +32,14 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
-from .._files import atomic_path
+from .._files import atomic_path, read_json, understood
 from .._types import UserError
 from .description import describe
 from .recipe import Origin, Recipe
 
 VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
+RESTORE = "restore it from a copy, or train again"
 HARMLESS = (*BUDGET, "checkpoint_every")
 """Fields that may differ between a run and its continuation."""
 
@@ -72,18 +73,21 @@ def locked(path: Path, leads: bool = True) -> Iterator[None]:
     Raises:
         UserError: if another process trains it.
     """
-    held = path / "environment.json"  # written once, and never replaced
-    if not leads or fcntl is None or not held.exists():
+    if not leads or fcntl is None:
         yield
         return
-    with held.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UserError(f"{path}: another process is training this run; wait for it, or stop it") from None
-        except OSError:
-            pass
+    folder = os.open(path, os.O_RDONLY)  # the folder itself: it is there before anything is written into it
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(folder)
+        raise UserError(f"{path}: another process is training this run; wait for it, or stop it") from None
+    except OSError:
+        pass
+    try:
         yield
+    finally:
+        os.close(folder)
 
 
 def remove_temporaries(path: Path) -> None:
@@ -117,8 +121,8 @@ def read_recipe(path: Path) -> dict[str, Any]:
     file = path / "recipe.json"
     if not file.is_file():
         raise UserError(f"{path}: not a run directory (no recipe.json); give the folder that `--out` named")
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+    content = read_json(file, RESTORE)
+    with understood(file, RESTORE):
         for name, kind in (("recipe", str), ("arguments", dict), ("resolved", dict)):
             if not isinstance(content[name], kind):
                 raise TypeError(f"its {name!r} is no {kind.__name__}")
@@ -126,8 +130,6 @@ def read_recipe(path: Path) -> dict[str, Any]:
             "function": str(content.get("function", "")),
             "start": content.get("start"),
         }
-    except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{file}: damaged ({error}); restore it from a copy, or train again") from error
 
 
 def read_origin(path: Path) -> Origin | None:

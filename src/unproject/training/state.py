@@ -206,7 +206,7 @@ class State:
 
     def _load(self, tensors: dict[str, Tensor]) -> None:
         for name, value in vars(self.counters).items():
-            setattr(self.counters, name, type(value)(tensors[f"counters/{name}"].item()))
+            setattr(self.counters, name, type(value)(_counter(name, tensors[f"counters/{name}"])))
         self._begin_assignments(self.counters.start)
         for prefix, module in self.modules():
             load_module(module, tensors, prefix)
@@ -215,6 +215,14 @@ class State:
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
         self.kept = {k.removeprefix(KEPT): v for k, v in tensors.items() if k.startswith(KEPT)}
+
+
+def _counter(name: str, value: Tensor) -> float:
+    """Return a number of the state. Raises UserError for one that nothing can have counted."""
+    number = value.item() if value.numel() == 1 else math.nan
+    if not (math.isfinite(number) and (name == "best_merit" or 0 <= number < 2**53)):
+        raise UserError(f"the checkpoint's {name} is {number:g}; resume from the checkpoint before it")
+    return number
 
 
 def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> None:
@@ -262,8 +270,16 @@ def _optimiser_tensors(optimiser: TorchAdam) -> dict[str, Tensor]:
 
 
 def _load_optimiser(optimiser: TorchAdam, tensors: dict[str, Tensor]) -> None:
+    """Load the moments of weights. Raises UserError if they are no moments, or of other weights."""
     state: dict[int, dict[str, Tensor]] = {}
+    weights = {f"{i}": weight.shape for i, weight in enumerate(optimiser.param_groups[0]["params"])}
+    fitting = {f"{i}/{name}": shape for i, shape in weights.items() for name in ("exp_avg", "exp_avg_sq")}
+    fitting |= {f"{i}/step": torch.Size() for i in weights}
     for key, value in tensors.items():
+        if fitting.get(key) != value.shape or len(tensors) % 3:
+            raise UserError(
+                f"the checkpoint's optimisers do not fit this recipe ({key}); it is of another run or version"
+            )
         index, name = key.split("/")
         state.setdefault(int(index), {})[name] = value
     optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})

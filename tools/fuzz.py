@@ -1,0 +1,287 @@
+"""Give the command line damaged and hostile inputs, each in a process of its own, and report what it should not have done.
+
+    python tools/fuzz.py png                      # 200 inputs of one family
+    python tools/fuzz.py --n 10000 --jobs 2       # all families, two at a time
+    python tools/fuzz.py png --seed 1 --only 57   # one input again; its folder is kept and named
+    python tools/fuzz.py flags --n 1000           # random flags and values instead of files
+
+Input `k` of a family and seed is always the same: a good seed, mutated (`fuzz_mutations.py`), and a command that reads
+it (`fuzz_seeds.py`). The command runs in a forked child of a process that has imported everything, which takes
+milliseconds, with a limit on memory and time. It may end with
+
+    0    and nothing on stderr but lines that begin with `warning: ` or `skipped `, or
+    2    and one printable line on stderr that begins with `unproject: `, with no output left behind,
+
+within the time, and in 512 MiB and 20 times the input. All else is a finding. Exit status: 1 if there is one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import re
+import resource
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import zlib
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"  # threads do not survive a fork
+
+import fuzz_flags
+import numpy as np
+from fuzz_seeds import FAMILIES, ROOT, Tree, clear, write
+
+CAMPAIGN = ROOT / "build" / "campaign"
+MEMORY, TIMES, ADDRESSES, SECONDS, PATIENCE = 2**29, 20, 2**31, 60, 10
+"""Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the processor, and how
+many times more by the clock, since others may use the machine."""
+SAID = re.compile(r"unproject: [^\n]+\n")
+REMARKS = re.compile(r"((warning: |skipped )[^\n]*\n)*")
+UNFINISHED = ("*/.*.tmp*", ".*.tmp*", "out", "out.*", ".tmp*")
+
+
+@dataclass
+class Input:
+    """A command and the files that it reads."""
+
+    words: list[str]
+    tree: Tree
+
+
+@dataclass
+class Ended:
+    """How a command ended: exit status (below 0: the signal), stderr, bytes and seconds that it took."""
+
+    status: int
+    stderr: str
+    memory: int
+    seconds: float
+
+
+@dataclass
+class Report:
+    """What became of a family's inputs."""
+
+    family: str
+    seed: int
+    inputs: int = 0
+    refused: int = 0
+    seconds: float = 0.0
+    findings: dict[int, str] = field(default_factory=dict)
+
+
+class Inputs:
+    """The inputs of a family: `inputs[k]`."""
+
+    def __init__(self, family: str, seed: int) -> None:
+        self.family, self.seed = family, seed
+        self.seeds = [{}] if family == "flags" else FAMILIES[family].seeds()
+
+    def __getitem__(self, k: int) -> Input:
+        rng = np.random.default_rng([self.seed, zlib.crc32(self.family.encode()), k])
+        if self.family == "flags":
+            return Input(fuzz_flags.words(rng), fuzz_flags.tree())
+        family, tree = FAMILIES[self.family], dict(self.seeds[int(rng.integers(len(self.seeds)))])
+        targets = [name for name in tree if re.search(family.target, name)]
+        name = targets[int(rng.integers(len(targets)))]
+        tree[name] = family.mutation(tree[name], rng)
+        return Input(shlex.split(family.commands[int(rng.integers(len(family.commands)))]), tree)
+
+
+def child(words: list[str], folder: Path) -> None:
+    """Run a command in this process, which ends with it."""
+    status = 99
+    try:
+        os.chdir(folder)
+        resource.setrlimit(resource.RLIMIT_AS, (mapped() + ADDRESSES,) * 2)
+        signal.setitimer(signal.ITIMER_REAL, PATIENCE * SECONDS)
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+        for number, name in ((0, os.devnull), (1, "stdout"), (2, "stderr")):
+            os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
+        sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", buffering=1, closefd=False)
+        sys.argv = ["unproject", *words]
+        from unproject.cli import main
+
+        status = main()
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else 98
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def mapped() -> int:
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+
+
+def run(words: list[str], folder: Path, idle: int = 0) -> Ended:
+    """Run a command in a forked child; `idle` is what a child takes that does nothing."""
+    began = time.monotonic()
+    sys.stdout.flush()  # a child would write what is buffered again
+    pid = os.fork()
+    if not pid:
+        child(words, folder)
+    _, status, used = os.wait4(pid, 0)
+    text = (folder / "stderr").read_bytes().decode(errors="backslashreplace") if (folder / "stderr").exists() else ""
+    memory = used.ru_maxrss * 1024 - idle
+    return Ended(os.waitstatus_to_exitcode(status), text, memory, time.monotonic() - began)
+
+
+def wrong(ended: Ended, folder: Path, size: int) -> str:
+    """What a command should not have done, or nothing."""
+    if ended.status in (-signal.SIGALRM, -signal.SIGXCPU, -signal.SIGKILL):
+        return f"hangs: over {SECONDS} s"
+    if ended.status < 0:
+        return f"signal {-ended.status}"
+    if "Traceback" in ended.stderr or ended.status not in (0, 2):
+        return f"status {ended.status}: {last_frame(ended.stderr)}"
+    if ended.memory > MEMORY + TIMES * size:
+        return f"{ended.memory >> 20} MiB for {size} bytes"
+    if ended.status == 0:
+        return "" if REMARKS.fullmatch(ended.stderr) else f"stderr: {ended.stderr[:200]!r}"
+    if not SAID.fullmatch(ended.stderr) or not ended.stderr[:-1].isprintable():
+        return f"stderr: {ended.stderr[:300]!r}"
+    left = [path.name for pattern in UNFINISHED for path in folder.glob(pattern)]
+    return f"left behind: {', '.join(left)}" if left else ""
+
+
+def last_frame(text: str) -> str:
+    """The last line of the package's own in a traceback, and the error."""
+    own = re.findall(r'File "[^"]*/(unproject/[^"]+)", line (\d+), in (\S+)', text)
+    error = text.strip().splitlines()[-1][:160] if text.strip() else "nothing said"
+    return f"{':'.join(own[-1][:2])} {error}" if own else error
+
+
+def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: float = 60) -> Report:
+    """Run some inputs of a family."""
+    report, began, inputs = Report(family, seed), time.monotonic(), Inputs(family, seed)
+    top = Path(tempfile.mkdtemp(prefix="fuzz-", dir=os.environ.get("FUZZ_FOLDER")))
+    preload(inputs[0], top)
+    idle = run(["--version"], top).memory
+    for k in numbers:
+        if time.monotonic() - began > 60 * minutes:
+            break
+        one, folder = inputs[k], top / str(k)
+        folder.mkdir()
+        write(one.tree, folder)
+        ended = run(one.words, folder, idle)
+        found = wrong(ended, folder, sum(map(len, one.tree.values())))
+        report.inputs += 1
+        report.refused += ended.status == 2
+        if found:
+            report.findings[k] = f"{shlex.join(one.words)[:200]}: {found}"
+            print(f"{family} {k}: {report.findings[k]}", flush=True)
+        if keep:
+            print(
+                f"{folder}: unproject {shlex.join(one.words)}\n{ended.status}, {ended.memory >> 20} MiB, {ended.seconds:.1f} s\n{ended.stderr}"
+            )
+        else:
+            clear(folder)
+    if not keep:
+        clear(top)
+    report.seconds = time.monotonic() - began
+    return report
+
+
+def preload(one: Input, folder: Path) -> None:
+    """Import what a command imports, so that its children have it: which modules these are a child says."""
+    write(one.tree, folder)
+    pid = os.fork()
+    if not pid:
+        from unproject.cli import main
+
+        os.chdir(folder)
+        os.dup2(os.open(os.devnull, os.O_RDWR), 2)
+        os.dup2(2, 1)
+        try:
+            main(one.words)
+        finally:
+            Path("modules").write_text("\n".join(sys.modules), encoding="utf-8")
+            os._exit(0)
+    os.waitpid(pid, 0)
+    for name in (folder / "modules").read_text(encoding="utf-8").split("\n"):
+        try:
+            __import__(name)
+        except Exception:  # parts of packages that are made while they run
+            continue
+    from unproject.cli import _parsed
+
+    with contextlib.suppress(ValueError):
+        _parsed(one.words[0], one.words[1:])  # compiles the regular expressions of reading flags
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument(
+        "family", nargs="*", choices=[*FAMILIES, "flags", []], metavar="FAMILY", help=f"{', '.join(FAMILIES)} or flags"
+    )
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--n", type=int, default=200, help="inputs of each family")
+    options.add_argument("--first", type=int, default=0, help="number of the first one")
+    options.add_argument("--only", type=int, help="one input, whose folder is kept")
+    options.add_argument("--jobs", type=int, default=1, help="families at a time")
+    options.add_argument("--minutes", type=float, default=60, help="of the clock, of each family")
+    options.add_argument("--store", action="store_true", help=argparse.SUPPRESS)
+    given = options.parse_args()
+    families = given.family or [*FAMILIES, "flags"]
+    if given.only is not None:
+        return bool(fuzz(families[0], given.seed, range(given.only, given.only + 1), keep=True).findings)
+    numbers = range(given.first, given.first + given.n)
+    if given.store:
+        report = fuzz(families[0], given.seed, numbers, minutes=given.minutes)
+        stored(families[0], given).write_text(json.dumps(asdict(report), indent=1), encoding="utf-8")
+        return 0
+    with ThreadPoolExecutor(given.jobs) as pool:
+        reports = list(pool.map(lambda family: in_process(family, given), families))
+    return int(any(report.findings for report in reports))
+
+
+def stored(family: str, given: argparse.Namespace) -> Path:
+    return CAMPAIGN / f"{family.replace(' ', '_')}-{given.seed}-{given.first}.json"
+
+
+def in_process(family: str, given: argparse.Namespace) -> Report:
+    """Fuzz a family in a process of its own, which stores the report: what one imports another has not to carry."""
+    file = stored(family, given)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.unlink(missing_ok=True)
+    numbers = [
+        "--seed",
+        str(given.seed),
+        "--first",
+        str(given.first),
+        "--n",
+        str(given.n),
+        "--minutes",
+        str(given.minutes),
+    ]
+    subprocess.run([sys.executable, __file__, family, "--store", *numbers], check=False)
+    report = (
+        Report(**json.loads(file.read_text(encoding="utf-8")))
+        if file.exists()
+        else Report(family, given.seed, findings={-1: "died"})
+    )
+    kinds = Counter(re.sub(r"^.*?: (?=stat|std|sig|hang|\d|left)", "", found) for found in report.findings.values())
+    print(f"{family}: {report.inputs} inputs, {len(report.findings)} findings, {report.seconds:.0f} s", flush=True)
+    for kind, count in kinds.most_common():
+        print(f"    {count} × {kind}", flush=True)
+    return report
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,256 @@
+"""Kill commands at random moments, and see that nothing is lost and nothing broken is taken for whole.
+
+    python tools/kills.py --n 100              # kills, spread over the commands
+    python tools/kills.py --only train --n 20
+
+Each command is run once to its end. Then it is run again and again in a forked child that gets SIGKILL at a random
+moment of the time that it took; afterwards the same words (`resume`, where there is a run already) must bring about what
+the first run did: checkpoints and log equal bit for bit but for seconds, arrays and files equal byte for byte. What
+lies there between is looked at by the command that would read it. Exit status: 1 if anything was lost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"  # threads do not survive a fork
+
+import numpy as np  # noqa: E402
+from fuzz import CAMPAIGN, preload  # noqa: E402
+from fuzz import Input as Words  # noqa: E402
+from fuzz_seeds import ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
+
+sys.path.insert(0, str(ROOT / "tests" / "training"))
+MASKS = 60
+
+
+@dataclass
+class Command:
+    """What is killed.
+
+    Attributes:
+        words: of the command.
+        again: words that go on with what it left, given whether there is a run.
+        compared: says what differs between two folders in which it has come to its end.
+        whole: says what is wrong with what a killed command left.
+    """
+
+    words: str
+    again: Callable[[Path], str]
+    compared: Callable[[Path, Path], list[str]]
+    whole: Callable[[Path], list[str]]
+
+
+@dataclass
+class Tally:
+    """What became of the kills of a command."""
+
+    command: str
+    kills: int = 0
+    amid: int = 0
+    seconds: float = 0.0
+    lost: list[str] = field(default_factory=list)
+
+
+def begin(words: str, folder: Path) -> int:
+    """Start a command in a forked child."""
+    sys.stdout.flush()
+    child = os.fork()
+    if child:
+        return child
+    status = 99
+    try:
+        os.chdir(folder)
+        for number in (1, 2):
+            os.dup2(os.open(f"said-{number}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+        from unproject.cli import main
+
+        status = main(words.split())
+    finally:
+        with contextlib.suppress(BaseException):
+            sys.stderr.flush()
+        os._exit(status)
+
+
+def finish(words: str, folder: Path) -> int:
+    return os.waitstatus_to_exitcode(os.waitpid(begin(words, folder), 0)[1])
+
+
+def kill(words: str, folder: Path, after: float) -> bool:
+    """Kill a command after so many seconds; whether it was still running."""
+    child = begin(words, folder)
+    time.sleep(after)
+    os.kill(child, signal.SIGKILL)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) < 0
+
+
+def resumed(words: str) -> Callable[[Path], str]:
+    """`train` where there is no run yet, else `resume`."""
+    return lambda folder: "resume run --trust --quiet --threads 1" if (folder / "run" / "recipe.json").exists() else words
+
+
+def runs_differ(one: Path, other: Path) -> list[str]:
+    from comparing import differences
+
+    return differences(one / "run", other / "run")
+
+
+def run_is_whole(folder: Path) -> list[str]:
+    """Every checkpoint there is can be read, and so can recipe.json and the pictures."""
+    from PIL import Image
+
+    from unproject.training import checkpoint
+    from unproject.training.run_directory import read_recipe
+
+    wrong = []
+    run = folder / "run"
+    with collecting(wrong):
+        if (run / "recipe.json").exists():
+            read_recipe(run)
+    for file in checkpoint.list_checkpoints(run / "checkpoints"):
+        with collecting(wrong):
+            checkpoint.load(file)
+    for file in (run / "samples").glob("step-*.png"):
+        with collecting(wrong):
+            Image.open(file).load()
+    return wrong
+
+
+@contextlib.contextmanager
+def collecting(wrong: list[str]) -> object:  # pyright: ignore
+    try:
+        yield
+    except Exception as error:
+        wrong.append(f"{type(error).__name__}: {error}")
+
+
+def same_files(*names: str) -> Callable[[Path, Path], list[str]]:
+    """Compare files, or all files of folders, byte for byte."""
+
+    def compared(one: Path, other: Path) -> list[str]:
+        trees = [{k: v for k, v in read(f).items() if k.startswith(names)} for f in (one, other)]
+        return sorted(k for k in trees[0].keys() | trees[1].keys() if trees[0].get(k) != trees[1].get(k))
+
+    return compared
+
+
+def arrays_differ(name: str) -> Callable[[Path, Path], list[str]]:
+    """Compare the arrays of two .npz files: the archives hold times."""
+
+    def compared(one: Path, other: Path) -> list[str]:
+        with np.load(one / name) as ours, np.load(other / name) as theirs:
+            same = ours.files == theirs.files
+            return [] if same and all(np.array_equal(ours[k], theirs[k]) for k in ours.files) else [name]
+
+    return compared
+
+
+def whole_or_absent(name: str) -> Callable[[Path], list[str]]:
+    """What stands under the final name can be read to its end."""
+
+    def check(folder: Path) -> list[str]:
+        wrong: list[str] = []
+        for file in [folder / name] if "*" not in name else folder.glob(name):
+            with collecting(wrong):
+                if file.suffix == ".npz" and file.exists():
+                    with np.load(file) as arrays:
+                        [arrays[key] for key in arrays.files]
+                elif file.suffix == ".glb" and file.exists():
+                    import trimesh
+
+                    trimesh.load(file)
+        return wrong
+
+    return check
+
+
+def repeated(words: str) -> Callable[[Path], str]:
+    return lambda folder: words
+
+
+TRAIN = f"train {TOY}:toy --steps 30 --checkpoint-every 5 --quiet --threads 1 --out run"
+SAMPLE, PACK = "sample run --trust --n 200 --out x.npz", "data pack masks --out pack.npz --size 24"
+EXPORT, REPORT = "export volumes.npz --n 6 --out meshes", "report run --trust --out x.html --threads 1"
+EVALUATE = "evaluate run --trust --n 16 --json --threads 1"
+COMMANDS = {
+    "train": Command(f"{TRAIN} --views known", resumed(f"{TRAIN} --views known"), runs_differ, run_is_whole),
+    "train, views predicted": Command(TRAIN, resumed(TRAIN), runs_differ, run_is_whole),
+    "resume": Command("resume run --trust --quiet --threads 1 --steps 60", lambda folder: "resume run --trust --quiet --threads 1 --steps 60", runs_differ, run_is_whole),  # noqa: E501
+    "pack": Command(PACK, repeated(PACK), arrays_differ("pack.npz"), whole_or_absent("pack.npz")),
+    "sample": Command(SAMPLE, repeated(SAMPLE), arrays_differ("x.npz"), whole_or_absent("x.npz")),
+    "export": Command(EXPORT, repeated(EXPORT), same_files("meshes"), whole_or_absent("meshes/*.glb")),
+    "evaluate": Command(EVALUATE, repeated(EVALUATE), same_files("said-1", "run/checkpoints"), run_is_whole),
+    "report": Command(REPORT, repeated(REPORT), lambda one, other: [] if (other / "x.html").exists() else ["x.html"], run_is_whole),
+}  # fmt: skip
+NEEDS_RUN = ("resume", "sample", "evaluate", "report")
+
+
+def prepared(name: str, top: Path) -> Path:
+    """A folder with what the command needs."""
+    folder = Path(tempfile.mkdtemp(dir=top))
+    if name in NEEDS_RUN:
+        shutil.copytree(top / "run", folder / "run")
+    if name == "pack":
+        write({f"masks/{k:03d}.png": picture("png", side=256) for k in range(MASKS)}, folder)
+    if name == "export":
+        write({"volumes.npz": npz(volume=volumes(6).repeat(4, 1).repeat(4, 2).repeat(4, 3))}, folder)
+    return folder
+
+
+def killed(name: str, command: Command, top: Path, kills: int, rng: np.random.Generator) -> Tally:
+    """Kill a command so many times, in runs of one to four kills each."""
+    reference, began = prepared(name, top), time.monotonic()
+    assert finish(command.words, reference) == 0, (reference / "said-2").read_text()
+    took, tally = time.monotonic() - began, Tally(name)
+    while tally.kills < kills:
+        folder, words = prepared(name, top), command.words
+        for _ in range(int(rng.integers(1, 5))):
+            tally.kills += 1
+            tally.amid += kill(words, folder, rng.uniform(0, took))
+            words = command.again(folder)
+            tally.lost += command.whole(folder)
+        status = finish(words, folder)
+        tally.lost += [f"status {status}: {(folder / 'said-2').read_text()[:200]}"] if status else []
+        tally.lost += command.compared(reference, folder) if not status else []
+        tally.lost += [f"left: {path.name}" for path in folder.rglob("*.tmp*") if "run" in path.parts and "train" in name]
+        shutil.rmtree(folder)
+    tally.seconds = time.monotonic() - began
+    return tally
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--n", type=int, default=100, help="kills")
+    options.add_argument("--only", choices=COMMANDS, help="of one command alone")
+    options.add_argument("--seed", type=int, default=0)
+    given = options.parse_args()
+    top, rng = Path(tempfile.mkdtemp(prefix="kills-")), np.random.default_rng(given.seed)
+    preload(Words(f"{TRAIN} --views known".split(), {}), top)
+    chosen = {name: command for name, command in COMMANDS.items() if given.only in (None, name)}
+    tallies = []
+    for name, command in chosen.items():
+        tally = killed(name, command, top, -(-given.n // len(chosen)), rng)
+        tallies.append(asdict(tally))
+        print(f"{name}: {tally.kills} kills, {tally.amid} amid, {len(tally.lost)} lost, {tally.seconds:.0f} s", flush=True)
+        for what in tally.lost[:10]:
+            print(f"    {what}", flush=True)
+    shutil.rmtree(top)
+    CAMPAIGN.mkdir(parents=True, exist_ok=True)
+    (CAMPAIGN / "kills.json").write_text(json.dumps(tallies, indent=1), encoding="utf-8")
+    return int(any(tally["lost"] for tally in tallies))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
