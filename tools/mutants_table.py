@@ -2822,7 +2822,7 @@ INVERSION = (
     mutant(
         "fit: a folder of other fits is taken over",
         "cli/_fits.py",
-        'if file.is_file() and json.loads(file.read_text(encoding="utf-8")) != settings:',
+        'if file.is_file() and read_json(file, "give another --out, or remove that folder") != settings:',
         "if False:",
         "cli/test_fit.py::test_a_run_that_was_stopped_goes_on",
     ),

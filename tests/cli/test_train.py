@@ -344,5 +344,6 @@ def test_a_run_is_not_overwritten(tmp_path: Path, refused: Callable[..., str]) -
 def test_resuming_with_no_budget(tmp_path: Path, refused: Callable[..., str], flags: list[str]) -> None:
     run = tmp_path / "run"
     assert main(["train", TOY, *QUICK, "--out", str(run)]) == 0
-    assert "must be positive" in refused("resume", run, "--trust", "--quiet", *flags)
+    said = refused("resume", run, "--trust", "--quiet", *flags)
+    assert ("give a finite number" if "nan" in flags else "must be positive") in said
     assert load(run).step == 2

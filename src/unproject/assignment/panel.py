@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
@@ -22,6 +22,7 @@ from ..metrics import Finding, Score
 from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
+from .assigned import Assigned
 from .context import Context
 from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
@@ -176,7 +177,7 @@ class Panel:
         return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
 
 
-class AssignmentState(nn.Module):
+class AssignmentState(Assigned):
     """What is assigned during a run; its `state_dict` is part of the checkpoint.
 
     Attributes:
@@ -195,40 +196,15 @@ class AssignmentState(nn.Module):
         torch.Size([2, 1, 16, 16])
     """
 
-    views: Tensor
-    heads: Tensor
     held_out_heads: Tensor
     fixes_gauge: bool = False
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor) -> None:
-        super().__init__()
+        super().__init__(views, heads, len(panel.observations), panel.assignment.heads(panel))
         self.panel = panel
-        self.register_buffer("views", views)
-        self.register_buffer("heads", heads)
         if panel.held_out is not None:
             self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=torch.long))
         self.learned = LearnedLatents(panel.learned) if panel.learned else None
-
-    def load_state_dict(self, state_dict: Mapping[str, Any], strict: bool = True, assign: bool = False) -> Any:
-        """Load what a checkpoint holds.
-
-        Raises:
-            UserError: for views and heads that are not there.
-        """
-        loaded = super().load_state_dict(state_dict, strict, assign)
-        panel = self.panel
-        counts = {"views": len(panel.observations), "heads": panel.assignment.heads(panel)}
-        for name, count in counts.items():
-            if not ((getattr(self, name) >= 0) & (getattr(self, name) < count)).all():
-                raise UserError(f"the checkpoint's {name} are not all among {count}; it is damaged or of another run")
-        return loaded
-
-    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> AssignmentState:
-        """Move parameters and modules only: what is assigned stays on the CPU, where rows are drawn."""
-        own = dict(self._buffers)
-        super()._apply(fn, recurse)
-        self._buffers.update(own)
-        return self
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""

@@ -66,6 +66,13 @@ def push_to_hub(
 
     Raises:
         UserError: if the hub cannot be reached or refuses.
+
+    Examples:
+        >>> import unproject as up
+        >>> up.push_to_hub("runs/mine", "mine")
+        Traceback (most recent call last):
+        ...
+        unproject._types.UserError: mine: give OWNER/NAME, as the hub knows it
     """
     if not NAME.fullmatch(name):
         raise UserError(f"{name}: give OWNER/NAME, as the hub knows it")

@@ -272,9 +272,9 @@ def _optimiser_tensors(optimiser: TorchAdam) -> dict[str, Tensor]:
 def _load_optimiser(optimiser: TorchAdam, tensors: dict[str, Tensor]) -> None:
     """Load the moments of weights. Raises UserError if they are no moments, or of other weights."""
     state: dict[int, dict[str, Tensor]] = {}
-    weights = {f"{i}": weight.shape for i, weight in enumerate(optimiser.param_groups[0]["params"])}
-    fitting = {f"{i}/{name}": shape for i, shape in weights.items() for name in ("exp_avg", "exp_avg_sq")}
-    fitting |= {f"{i}/step": torch.Size() for i in weights}
+    weights = [weight for group in optimiser.param_groups for weight in group["params"]]
+    fitting = {f"{i}/{name}": w.shape for i, w in enumerate(weights) for name in ("exp_avg", "exp_avg_sq")}
+    fitting |= {f"{i}/step": torch.Size() for i in range(len(weights))}
     for key, value in tensors.items():
         if fitting.get(key) != value.shape or len(tensors) % 3:
             raise UserError(
