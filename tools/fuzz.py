@@ -41,9 +41,8 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import fuzz_flags
 import numpy as np
-from fuzz_seeds import FAMILIES, ROOT, Tree, clear, write
+from fuzz_seeds import CAMPAIGN, FAMILIES, Tree, clear, write
 
-CAMPAIGN = ROOT / "build" / "campaign"
 MEMORY, TIMES, ADDRESSES, SECONDS, PATIENCE = 2**29, 20, 2**31, 60, 10
 """Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the processor, and how
 many times more by the clock, since others may use the machine."""

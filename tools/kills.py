@@ -28,9 +28,9 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # threads do not survive a fork
 
 import numpy as np  # noqa: E402
-from fuzz import CAMPAIGN, preload  # noqa: E402
+from fuzz import preload  # noqa: E402
 from fuzz import Input as Words  # noqa: E402
-from fuzz_seeds import ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
+from fuzz_seeds import CAMPAIGN, ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "tests" / "training"))
 MASKS = 60
@@ -197,11 +197,19 @@ COMMANDS = {
 NEEDS_RUN = ("resume", "sample", "evaluate", "report")
 
 
+def run_of(top: Path) -> Path:
+    """A finished run, of which each command gets a copy."""
+    if not (top / "whole").exists():
+        (top / "whole").mkdir()
+        assert finish(f"{TRAIN} --views known", top / "whole") == 0
+    return top / "whole" / "run"
+
+
 def prepared(name: str, top: Path) -> Path:
     """A folder with what the command needs."""
     folder = Path(tempfile.mkdtemp(dir=top))
     if name in NEEDS_RUN:
-        shutil.copytree(top / "run", folder / "run")
+        shutil.copytree(run_of(top), folder / "run")
     if name == "pack":
         write({f"masks/{k:03d}.png": picture("png", side=256) for k in range(MASKS)}, folder)
     if name == "export":
