@@ -36,12 +36,11 @@ class Condition:
 
 
 FULL = "mkdir -p d && mount -t tmpfs -o size=2m tmpfs d && trap 'umount d' EXIT; "
-NOBODY = "chmod -R a+rX . && chmod 777 .; setpriv --reuid 65534 --clear-groups "
 CONDITIONS = (
     Condition("disk full, training", FULL + f"{TRAIN} d/new", 2, r"unproject: d/new.*No space left on device; free some space", True),
     Condition("disk full, samples", FULL + "head -c 2M /dev/zero > d/filler; " + f"{SAMPLE} d/x.npz", 2, r"unproject: d/x.npz: No space left on device; free some space", True),  # noqa: E501
     Condition("a limit on the size of files (`ulimit -f`)", f"ulimit -f 100; {TRAIN} new", 2, r"unproject: new.*File too large; the file system takes no file this large"),  # noqa: E501
-    Condition("a folder that may not be written", NOBODY + "env HOME=/nonexistent mkdir -p o 2>/dev/null; chmod 555 o; " + NOBODY + f"env {SAMPLE} o/x.npz", 2, r"unproject: o/.*Permission denied; change its permissions", True),  # noqa: E501
+    Condition("a folder that may not be written", f"mkdir -p d o && mount --bind o d && mount -o remount,ro,bind d && trap 'umount d' EXIT; {SAMPLE} d/x.npz", 2, r"unproject: d/x.npz: Read-only file system; choose a place that can be written to", True),  # noqa: E501
     Condition("`umask 077`", f"umask 077; {TRAIN} new && stat -c %a new new/recipe.json", 0, r"new: 4 steps[\s\S]*700\n600"),
     Condition("no HOME", f"env -u HOME {TRAIN} new", 0, r"new: 4 steps"),
     Condition("HOME that is not there", f"env HOME=/nonexistent {TRAIN} new", 0, r"new: 4 steps"),
@@ -49,13 +48,13 @@ CONDITIONS = (
     Condition("LANG=C, a name that is not ASCII", "env LANG=C LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 $U data inspect bilder-ä", 0, r"3"),
     Condition("LANG=C, a name that is not there", "env LANG=C LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 $U data inspect fehlt-ä", 2, r"unproject: fehlt-.*there is no such file"),  # noqa: E501
     Condition("stdin closed", f"{TRAIN} new <&-", 0, r"new: 4 steps"),
-    Condition("stdout closed", f"{SAMPLE} x.npz >&-; test -s x.npz", 0, r"^$"),
+    Condition("stdout closed", f"{SAMPLE} x.npz >&-; test -s x.npz", 0, r"^(warning: [^\n]*\n)?$"),
     Condition("output to a pipe that is closed (`| head`)", "set -o pipefail; $U recipes | head -1; test ${PIPESTATUS[0]} -le 141", 0, r"^[^\n]+\n$"),  # noqa: E501
     Condition("a terminal of 20 columns", "env COLUMNS=20 $U data inspect bilder-ä && env COLUMNS=20 $U train shapes --help >/dev/null", 0, r"silhouettes"),  # noqa: E501
     Condition("20 columns, a mistake", "env COLUMNS=20 $U train shapes --stesp 4", 2, r"^unproject: train shapes: .*--steps.*\n$"),
     Condition("NO_COLOR", "env NO_COLOR=1 FORCE_COLOR=1 $U train shapes --help", 0, r"^[^\x1b]*$"),
-    Condition("1 GiB of memory (`ulimit -v`)", f"ulimit -v 1048576; {SAMPLE} x.npz", 2, r"^unproject: memory is used up[^\n]*\n$"),
-    Condition("three GiB of addresses", f"ulimit -v 3145728; {SAMPLE} x.npz", 0, r"x.npz: 2 samples"),
+    Condition("1 GiB of memory (`ulimit -v`), few samples", f"ulimit -v 1048576; {SAMPLE} x.npz", 0, r"x.npz: 2 samples"),
+    Condition("1 GiB of memory, more samples than fit", "ulimit -v 1048576; $U sample run --trust --n 9000 --size 64 --out x.npz", 2, r"^unproject: [^\n]*(memory|GB)[^\n]*\n$"),  # noqa: E501
     Condition("a time zone on the other side of the date line", f"env TZ=Pacific/Kiritimati {TRAIN} new && TZ=Pacific/Niue $U resume new --trust --quiet --steps 6", 0, r"new: 6 steps"),  # noqa: E501
     Condition("few open files (`ulimit -n 40`)", f"ulimit -n 40; {TRAIN} new", 0, r"new: 4 steps"),
     Condition("pictures on a device", "$U data inspect /dev/zero", 2, r"unproject: /dev/zero: is a pipe, a socket or a device"),
@@ -73,7 +72,7 @@ def outcome(condition: Condition) -> tuple[int, str]:
     write({name.replace("in/", "run/", 1): data for name, data in run()[0].items()}, folder)
     write({f"bilder-ä/{name}.png": picture("png") for name in "abc"}, folder)
     words = {**os.environ, "U": f"{sys.executable} -m unproject", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT / "src")}
-    done = subprocess.run(["bash", "-c", condition.line], cwd=folder, env=words, capture_output=True)
+    done = subprocess.run(["bash", "-c", condition.line], cwd=folder, env=words, capture_output=True, timeout=300)
     shutil.rmtree(folder, ignore_errors=True)
     return done.returncode, (done.stdout + done.stderr).decode(errors="backslashreplace")
 
