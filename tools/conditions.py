@@ -71,7 +71,12 @@ def outcome(condition: Condition) -> tuple[int, str]:
     folder.chmod(0o755)
     write({name.replace("in/", "run/", 1): data for name, data in run()[0].items()}, folder)
     write({f"bilder-ä/{name}.png": picture("png") for name in "abc"}, folder)
-    words = {**os.environ, "U": f"{sys.executable} -m unproject", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT / "src")}
+    words = {
+        **os.environ,
+        "U": f"{sys.executable} -m unproject",
+        "OMP_NUM_THREADS": "1",
+        "PYTHONPATH": str(ROOT / "src"),
+    }
     done = subprocess.run(["bash", "-c", condition.line], cwd=folder, env=words, capture_output=True, timeout=300)
     shutil.rmtree(folder, ignore_errors=True)
     return done.returncode, (done.stdout + done.stderr).decode(errors="backslashreplace")
