@@ -344,3 +344,11 @@ def test_a_folder_that_may_not_be_read_is_named(
 def unprivileged() -> Iterator[None]:
     os.setuid(65534)
     yield
+
+
+def test_text_that_is_none(tmp_path: Path, refused: Line) -> None:
+    """Strings of it would end whatever prints them."""
+    masks = np.stack([mask(20)] * 2)
+    names = npy((2,), b"\xff\xff\xff\x7f" * 2, "<U1")
+    path = archive(tmp_path / "x.npz", masks=npy(masks.shape, masks.tobytes()), names=names)
+    assert "characters that are none" in refused("data", "inspect", path)

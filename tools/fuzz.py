@@ -41,9 +41,8 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import fuzz_flags
 import numpy as np
-from fuzz_seeds import FAMILIES, ROOT, Tree, clear, write
+from fuzz_seeds import CAMPAIGN, FAMILIES, Tree, clear, write
 
-CAMPAIGN = ROOT / "build" / "campaign"
 MEMORY, TIMES, ADDRESSES, SECONDS, PATIENCE = 2**29, 20, 2**31, 60, 10
 """Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the processor, and how
 many times more by the clock, since others may use the machine."""
@@ -88,6 +87,12 @@ class Inputs:
     def __init__(self, family: str, seed: int) -> None:
         self.family, self.seed = family, seed
         self.seeds = [{}] if family == "flags" else FAMILIES[family].seeds()
+
+    def good(self) -> list[Input]:
+        """Each command with a good seed."""
+        if self.family == "flags":
+            return [self[k] for k in range(20)]
+        return [Input(shlex.split(command), self.seeds[0]) for command in FAMILIES[self.family].commands]
 
     def __getitem__(self, k: int) -> Input:
         rng = np.random.default_rng([self.seed, zlib.crc32(self.family.encode()), k])
@@ -171,7 +176,7 @@ def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: fl
     """Run some inputs of a family."""
     report, began, inputs = Report(family, seed), time.monotonic(), Inputs(family, seed)
     top = Path(tempfile.mkdtemp(prefix="fuzz-", dir=os.environ.get("FUZZ_FOLDER")))
-    preload(inputs[0], top)
+    preload(inputs.good(), top)
     idle = run(["--version"], top).memory
     for k in numbers:
         if time.monotonic() - began > 60 * minutes:
@@ -198,31 +203,33 @@ def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: fl
     return report
 
 
-def preload(one: Input, folder: Path) -> None:
-    """Import what a command imports, so that its children have it: which modules these are a child says."""
-    write(one.tree, folder)
+def preload(inputs: list[Input], top: Path) -> None:
+    """Import what commands import, so that their children have it: which modules these are a child says."""
     pid = os.fork()
     if not pid:
         from unproject.cli import main
 
-        os.chdir(folder)
         os.dup2(os.open(os.devnull, os.O_RDWR), 2)
         os.dup2(2, 1)
-        try:
-            main(one.words)
-        finally:
-            Path("modules").write_text("\n".join(sys.modules), encoding="utf-8")
-            os._exit(0)
+        for one in inputs:
+            folder = Path(tempfile.mkdtemp(dir=top))
+            write(one.tree, folder)
+            os.chdir(folder)
+            with contextlib.suppress(BaseException):
+                main(one.words)
+        (top / "modules").write_text("\n".join(sys.modules), encoding="utf-8")
+        os._exit(0)
     os.waitpid(pid, 0)
-    for name in (folder / "modules").read_text(encoding="utf-8").split("\n"):
+    for name in (top / "modules").read_text(encoding="utf-8").split("\n"):
         try:
             __import__(name)
         except Exception:  # parts of packages that are made while they run
             continue
     from unproject.cli import _parsed
 
-    with contextlib.suppress(ValueError):
-        _parsed(one.words[0], one.words[1:])  # compiles the regular expressions of reading flags
+    for one in inputs[:8]:
+        with contextlib.suppress(ValueError):
+            _parsed(one.words[0], one.words[1:])  # compiles the regular expressions of reading flags
 
 
 def main() -> int:

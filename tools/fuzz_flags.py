@@ -46,6 +46,7 @@ def of(rng: np.random.Generator, options: Any) -> Any:
 def flags_of(verb: str, recipe: str = "") -> tuple[str, ...]:
     """The flags of a verb, and of a recipe."""
     from fuzz_seeds import TOY
+
     from unproject import recipes
     from unproject._objects import find_object
     from unproject.training import Options

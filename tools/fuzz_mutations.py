@@ -303,7 +303,7 @@ def zipped(data: bytes, rng: Rng) -> bytes:
     with warnings.catch_warnings(), zipfile.ZipFile(stream, "w", kind) as archive:
         warnings.simplefilter("ignore")  # names that are there twice
         for name, content in members:
-            archive.writestr(name, content)
+            archive.writestr(name or " ", content)  # zipfile writes no name that is empty
     return stream.getvalue()
 
 

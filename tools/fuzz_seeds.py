@@ -25,6 +25,7 @@ import numpy as np
 from fuzz_mutations import Mutation
 
 ROOT = Path(__file__).resolve().parent.parent
+CAMPAIGN = ROOT / "build" / "campaign"
 TOY = ROOT / "tests" / "training" / "toy.py"
 Tree = dict[str, bytes]
 

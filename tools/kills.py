@@ -28,9 +28,9 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # threads do not survive a fork
 
 import numpy as np  # noqa: E402
-from fuzz import CAMPAIGN, preload  # noqa: E402
 from fuzz import Input as Words  # noqa: E402
-from fuzz_seeds import ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
+from fuzz import preload  # noqa: E402
+from fuzz_seeds import CAMPAIGN, ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "tests" / "training"))
 MASKS = 60
@@ -98,7 +98,9 @@ def kill(words: str, folder: Path, after: float) -> bool:
 
 def resumed(words: str) -> Callable[[Path], str]:
     """`train` where there is no run yet, else `resume`."""
-    return lambda folder: "resume run --trust --quiet --threads 1" if (folder / "run" / "recipe.json").exists() else words
+    return lambda folder: (
+        "resume run --trust --quiet --threads 1" if (folder / "run" / "recipe.json").exists() else words
+    )
 
 
 def runs_differ(one: Path, other: Path) -> list[str]:
@@ -197,11 +199,19 @@ COMMANDS = {
 NEEDS_RUN = ("resume", "sample", "evaluate", "report")
 
 
+def run_of(top: Path) -> Path:
+    """A finished run, of which each command gets a copy."""
+    if not (top / "whole").exists():
+        (top / "whole").mkdir()
+        assert finish(f"{TRAIN} --views known", top / "whole") == 0
+    return top / "whole" / "run"
+
+
 def prepared(name: str, top: Path) -> Path:
     """A folder with what the command needs."""
     folder = Path(tempfile.mkdtemp(dir=top))
     if name in NEEDS_RUN:
-        shutil.copytree(top / "run", folder / "run")
+        shutil.copytree(run_of(top), folder / "run")
     if name == "pack":
         write({f"masks/{k:03d}.png": picture("png", side=256) for k in range(MASKS)}, folder)
     if name == "export":
@@ -224,7 +234,9 @@ def killed(name: str, command: Command, top: Path, kills: int, rng: np.random.Ge
         status = finish(words, folder)
         tally.lost += [f"status {status}: {(folder / 'said-2').read_text()[:200]}"] if status else []
         tally.lost += command.compared(reference, folder) if not status else []
-        tally.lost += [f"left: {path.name}" for path in folder.rglob("*.tmp*") if "run" in path.parts and "train" in name]
+        tally.lost += [
+            f"left: {path.name}" for path in folder.rglob("*.tmp*") if "run" in path.parts and "train" in name
+        ]
         shutil.rmtree(folder)
     tally.seconds = time.monotonic() - began
     return tally
@@ -237,13 +249,15 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=0)
     given = options.parse_args()
     top, rng = Path(tempfile.mkdtemp(prefix="kills-")), np.random.default_rng(given.seed)
-    preload(Words(f"{TRAIN} --views known".split(), {}), top)
+    preload([Words(f"{TRAIN} --views known".split(), {}), Words(["report", "run", "--trust", "--out", "x.html"], {})], top)
     chosen = {name: command for name, command in COMMANDS.items() if given.only in (None, name)}
     tallies = []
     for name, command in chosen.items():
         tally = killed(name, command, top, -(-given.n // len(chosen)), rng)
         tallies.append(asdict(tally))
-        print(f"{name}: {tally.kills} kills, {tally.amid} amid, {len(tally.lost)} lost, {tally.seconds:.0f} s", flush=True)
+        print(
+            f"{name}: {tally.kills} kills, {tally.amid} amid, {len(tally.lost)} lost, {tally.seconds:.0f} s", flush=True
+        )
         for what in tally.lost[:10]:
             print(f"    {what}", flush=True)
     shutil.rmtree(top)

@@ -17,7 +17,7 @@ _held: list[str] = []
 def held() -> Iterator[None]:
     """Keep warnings until the block ends well or `release` is called; drop them after a mistake, which is one line."""
     _held.clear()
-    logging.lastResort = None  # what libraries log goes to stderr otherwise
+    logging.lastResort = logging.NullHandler()  # what libraries log goes to stderr otherwise
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("always", category=UserWarning, module=r"unproject\b")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -54,7 +55,7 @@ class StoredArrays(Mapping[str, np.ndarray]):
                 if whole is not None:
                     return whole
                 with archive.open(f"{name}.npy") as stream:
-                    return np.lib.format.read_array(stream, allow_pickle=False)
+                    return _readable(np.lib.format.read_array(stream, allow_pickle=False))
         except Exception as error:  # see `load_arrays`
             raise UserError(f"{self.path}: {name}: {why_unreadable(error)}") from None
 
@@ -63,6 +64,15 @@ class StoredArrays(Mapping[str, np.ndarray]):
 
     def __len__(self) -> int:
         return len(self.shapes)
+
+
+def _readable(array: np.ndarray) -> np.ndarray:
+    """Refuse text whose characters are none: Python makes strings of them that crash whatever prints them."""
+    if array.dtype.kind == "U" and array.size and array.itemsize:
+        points = np.ascontiguousarray(array).reshape(-1).view(np.dtype("u4").newbyteorder(array.dtype.byteorder))
+        if points.max() > sys.maxunicode:
+            raise ValueError("holds characters that are none")
+    return array
 
 
 def header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype]:
