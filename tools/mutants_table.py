@@ -2822,7 +2822,7 @@ INVERSION = (
     mutant(
         "fit: a folder of other fits is taken over",
         "cli/_fits.py",
-        'if file.is_file() and json.loads(file.read_text(encoding="utf-8")) != settings:',
+        'if file.is_file() and read_json(file, "give another --out, or remove that folder") != settings:',
         "if False:",
         "cli/test_fit.py::test_a_run_that_was_stopped_goes_on",
     ),
@@ -2880,6 +2880,65 @@ COLLECTIONS = (
     ),
 )
 
+TRUST = (
+    mutant(
+        "what damaged files raise passes",
+        "_files.py",
+        "    except (UserError, MemoryError):\n        raise\n    except Exception as error:\n        if isinstance(error, OSError) and",
+        "    except (UserError, MemoryError, KeyError):\n        raise\n    except Exception as error:\n        if isinstance(error, OSError) and",
+        "test_trust.py::test_what_damaged_files_raise_is_understood_and_nothing_else",
+    ),
+    mutant(
+        "a checkpoint that is not finite is loaded",
+        "training/checkpoint.py",
+        "if values.is_floating_point() and not values.isfinite().all():",
+        "if False:",
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "counters may be negative",
+        "training/state.py",
+        '(name == "best_merit" or 0 <= number < 2**53)',
+        '(name == "best_merit" or number < 2**53)',
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "moments of other shapes are loaded",
+        "training/state.py",
+        "if fitting.get(key) != value.shape or len(tensors) % 3:",
+        "if key not in fitting or len(tensors) % 3:",
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "heads that are not there are loaded",
+        "training/state.py",
+        "if not ((assigned >= 0) & (assigned < count)).all():",
+        "if not (assigned >= 0).all():",
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "a network without width",
+        "_types.py",
+        "        if width < 1:",
+        "        if width < 0:",
+        "test_trust.py::test_a_generator_without_width",
+    ),
+    mutant(
+        "a killed reproduction leaves its child",
+        "training/signals.py",
+        "    while os.getppid() == parent:",
+        "    while parent:",
+        "test_trust.py::test_a_child_of_a_killed_reproduction_stops",
+    ),
+    mutant(
+        "text that is none",
+        "data/readers/stored.py",
+        "        if points.max() > sys.maxunicode:",
+        "        if False:",
+        "test_hostile_files.py::test_text_that_is_none",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2905,4 +2964,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *CHOICES,
     *INVERSION,
     *COLLECTIONS,
+    *TRUST,
 )

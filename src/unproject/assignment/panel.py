@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
@@ -208,20 +208,6 @@ class AssignmentState(nn.Module):
         if panel.held_out is not None:
             self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=torch.long))
         self.learned = LearnedLatents(panel.learned) if panel.learned else None
-
-    def load_state_dict(self, state_dict: Mapping[str, Any], strict: bool = True, assign: bool = False) -> Any:
-        """Load what a checkpoint holds.
-
-        Raises:
-            UserError: for views and heads that are not there.
-        """
-        loaded = super().load_state_dict(state_dict, strict, assign)
-        panel = self.panel
-        counts = {"views": len(panel.observations), "heads": panel.assignment.heads(panel)}
-        for name, count in counts.items():
-            if not ((getattr(self, name) >= 0) & (getattr(self, name) < count)).all():
-                raise UserError(f"the checkpoint's {name} are not all among {count}; it is damaged or of another run")
-        return loaded
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> AssignmentState:
         """Move parameters and modules only: what is assigned stays on the CPU, where rows are drawn."""

@@ -247,6 +247,17 @@ def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> N
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
         raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it is of another run or another version")
     module.load_state_dict(own)
+    if isinstance(module, AssignmentState):
+        _check_assigned(module)
+
+
+def _check_assigned(state: AssignmentState) -> None:
+    """Raise UserError for views and heads that are not there."""
+    counts = {"views": len(state.panel.observations), "heads": state.panel.assignment.heads(state.panel)}
+    for name, count in counts.items():
+        assigned = getattr(state, name)
+        if not ((assigned >= 0) & (assigned < count)).all():
+            raise UserError(f"the checkpoint's {name} are not all among {count}; it is damaged or of another run")
 
 
 def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
