@@ -6,6 +6,7 @@ Each is one line on stderr that begins with `unproject: `, exit status 2, and no
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -177,7 +178,7 @@ CHANGES: dict[str, Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]]]
     "endless counter": lambda t: {**t, "counters/lines": torch.tensor(1e300, dtype=torch.float64)},
     "negative counter": lambda t: {**t, "counters/step": torch.tensor(-1.0, dtype=torch.float64)},
     "counters": lambda t: {**t, "counters/step": torch.zeros(3, dtype=torch.float64)},
-    "weight that is no number": lambda t: {n: v * float("nan") if n.startswith("average/") else v for n, v in t.items()},
+    "weight that is no number": lambda t: {n: v * math.nan if n.startswith("average/") else v for n, v in t.items()},
     "head that is not there": lambda t: {**t, "panels/0/assignment/heads": t["panels/0/assignment/heads"] + 100},
     "view that is not there": lambda t: {**t, "panels/0/assignment/views": t["panels/0/assignment/views"] - 100},
 }  # fmt: skip

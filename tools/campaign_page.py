@@ -1,4 +1,4 @@
-"""Write docs/campaign.md from what `tools/fuzz.py`, `tools/kills.py` and `tools/conditions.py` stored in build/campaign."""
+"""Write docs/campaign.md of what `fuzz.py`, `kills.py` and `conditions.py` stored in build/campaign."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from fuzz_seeds import CAMPAIGN, FAMILIES, ROOT
 
 INTRODUCTION = """# The campaign
 
-`make campaign` gives every reader damaged and hostile input, and kills commands at random moments; this page is its last
-report. It is no part of `make test`, which has a test for each kind of finding (`tests/test_hostile_files.py`,
+`make campaign` gives every reader damaged and hostile input, and kills commands at random moments; this page is its
+last report. It is no part of `make test`, which has a test for each kind of finding (`tests/test_hostile_files.py`,
 `tests/test_trust.py`, `tests/test_faults.py`).
 
 ## Inputs
 
-Each input is a good file, mutated: bits, lengths, truncation, insertion, repetition; the values of JSON and text; members,
-headers, shapes and types of archives, with checksums made to fit again. A command reads it in a process of its own. It may
-end with status 0, or with status 2 and one line that begins with `unproject: `, within a minute of the processor and in
-512 MiB and 20 times the input, and may leave nothing half-written. All else is a finding. `refused` counts status 2.
+Each input is a good file, mutated: bits, lengths, truncation, insertion, repetition; the values of JSON and text;
+members, headers, shapes and types of archives, with checksums made to fit again. A command reads it in a process of its
+own. It may end with status 0, or with status 2 and one line that begins with `unproject: `, within a minute of the
+processor and in 512 MiB and 20 times the input, and may leave nothing half-written. All else is a finding. `refused`
+counts status 2.
 `python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
 """
 KILLS = """
 ## Kills
 
-SIGKILL at a random moment of a command's time, one to four times; then the same words, or `resume`, to the end. Checkpoints
-and logs must be those of a run that was never killed, bit for bit, and so must arrays and meshes. `amid` counts the kills
-that hit a command still running.
+SIGKILL at a random moment of a command's time, one to four times; then the same words, or `resume`, to the end.
+Checkpoints and logs must be those of a run that was never killed, bit for bit, and so must arrays and meshes. `amid`
+counts the kills that hit a command still running.
 """
 CONDITIONS = """
 ## Conditions

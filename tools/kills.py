@@ -249,7 +249,9 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=0)
     given = options.parse_args()
     top, rng = Path(tempfile.mkdtemp(prefix="kills-")), np.random.default_rng(given.seed)
-    preload([Words(f"{TRAIN} --views known".split(), {}), Words(["report", "run", "--trust", "--out", "x.html"], {})], top)
+    preload(
+        [Words(f"{TRAIN} --views known".split(), {}), Words(["report", "run", "--trust", "--out", "x.html"], {})], top
+    )
     chosen = {name: command for name, command in COMMANDS.items() if given.only in (None, name)}
     tallies = []
     for name, command in chosen.items():

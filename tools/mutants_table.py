@@ -2925,6 +2925,65 @@ STUDIO = (
     ),
 )
 
+TRUST = (
+    mutant(
+        "what damaged files raise passes",
+        "_files.py",
+        "    except (UserError, MemoryError):\n        raise",
+        "    except (UserError, MemoryError, KeyError):\n        raise",
+        "test_trust.py::test_what_damaged_files_raise_is_understood_and_nothing_else",
+    ),
+    mutant(
+        "a checkpoint that is not finite is loaded",
+        "training/checkpoint.py",
+        "if values.is_floating_point() and not values.isfinite().all():",
+        "if False:",
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "counters may be negative",
+        "training/state.py",
+        '(name == "best_merit" or 0 <= number < 2**53)',
+        '(name == "best_merit" or number < 2**53)',
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "moments of other shapes are loaded",
+        "training/state.py",
+        "if fitting.get(key) != value.shape or len(tensors) % 3:",
+        "if key not in fitting or len(tensors) % 3:",
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "heads that are not there are loaded",
+        "assignment/assigned.py",
+        "if not ((getattr(self, name) >= 0) & (getattr(self, name) < count)).all():",
+        "if not (getattr(self, name) >= 0).all():",
+        "test_trust.py::test_a_checkpoint_with_odd_entries",
+    ),
+    mutant(
+        "a network without width",
+        "_types.py",
+        "        if width < 1:",
+        "        if width < 0:",
+        "test_trust.py::test_a_generator_without_width",
+    ),
+    mutant(
+        "a killed reproduction leaves its child",
+        "training/signals.py",
+        "    while os.getppid() == parent:",
+        "    while parent:",
+        "test_trust.py::test_a_child_of_a_killed_reproduction_stops",
+    ),
+    mutant(
+        "text that is none",
+        "data/readers/stored.py",
+        "        if points.max() > sys.maxunicode:",
+        "        if False:",
+        "test_hostile_files.py::test_text_that_is_none",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -2951,4 +3010,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *INVERSION,
     *COLLECTIONS,
     *STUDIO,
+    *TRUST,
 )
