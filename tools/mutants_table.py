@@ -2884,8 +2884,8 @@ TRUST = (
     mutant(
         "what damaged files raise passes",
         "_files.py",
-        "    except (UserError, MemoryError):\n        raise\n    except Exception as error:\n        if isinstance(error, OSError) and",
-        "    except (UserError, MemoryError, KeyError):\n        raise\n    except Exception as error:\n        if isinstance(error, OSError) and",
+        "    except (UserError, MemoryError):",
+        "    except (UserError, MemoryError, KeyError):",
         "test_trust.py::test_what_damaged_files_raise_is_understood_and_nothing_else",
     ),
     mutant(
