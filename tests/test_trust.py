@@ -114,6 +114,17 @@ def test_rounds_that_fill_memory() -> None:
         frequent_rounds(2**63 - 1, 0.8)
 
 
+@pytest.mark.parametrize(
+    "words", ["not enough memory", "can't allocate memory: you tried", "CUDA out of memory. Tried"]
+)
+def test_memory_that_is_used_up(run: Path, tmp_path: Path, refused: Refused, words: str, monkeypatch) -> None:
+    def full(*arguments: Any, **named: Any) -> None:
+        raise RuntimeError(f"[enforce fail] DefaultCPUAllocator: {words} 64 bytes")
+
+    monkeypatch.setattr("unproject.training.Run.sample", full)
+    assert "memory is used up" in refused("sample", run, "--trust", "--out", tmp_path / "x.npz")
+
+
 # Files of ours
 
 

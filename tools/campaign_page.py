@@ -21,8 +21,12 @@ Each input is a good file, mutated: bits, lengths, truncation, insertion, repeti
 members, headers, shapes and types of archives, with checksums made to fit again. A command reads it in a process of its
 own. It may end with status 0, or with status 2 and one line that begins with `unproject: `, within a minute of the
 processor and in 512 MiB and 20 times the input, and may leave nothing half-written. All else is a finding. `refused`
+<<<<<<< HEAD
 counts status 2.
 `python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
+=======
+counts status 2. `python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
+>>>>>>> f762ec0f33dd127bfa7e104184271b0d4031e678
 """
 KILLS = """
 ## Kills

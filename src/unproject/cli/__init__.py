@@ -39,6 +39,10 @@ VERBS = {
 """Verb → one line of help. Its module is `unproject.cli.VERB`."""
 
 
+NO_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
+"""Torch's words, by system and device."""
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0, 2 for a user's mistake, 130 for Ctrl-C."""
     try:
@@ -58,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"unproject: {explain(error)}", file=sys.stderr)
         return 2
     except (MemoryError, RuntimeError) as error:
-        if isinstance(error, RuntimeError) and "not enough memory" not in str(error):  # torch's words
+        if isinstance(error, RuntimeError) and not any(words in str(error) for words in NO_MEMORY):
             raise
         print("unproject: memory is used up; ask for fewer or smaller samples, or a smaller --batch", file=sys.stderr)
         return 2
