@@ -188,7 +188,7 @@ CHANGES: dict[str, Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]]]
     "endless counter": lambda t: {**t, "counters/lines": torch.tensor(1e300, dtype=torch.float64)},
     "negative counter": lambda t: {**t, "counters/step": torch.tensor(-1.0, dtype=torch.float64)},
     "counters": lambda t: {**t, "counters/step": torch.zeros(3, dtype=torch.float64)},
-    "weight that is no number": lambda t: {n: v * float("nan") if n.startswith("average/") else v for n, v in t.items()},
+    "weight that is no number": lambda t: {n: v * (float("nan") if n[:8] == "average/" else 1) for n, v in t.items()},
     "head that is not there": lambda t: {**t, "panels/0/assignment/heads": t["panels/0/assignment/heads"] + 100},
     "view that is not there": lambda t: {**t, "panels/0/assignment/views": t["panels/0/assignment/views"] - 100},
 }  # fmt: skip
