@@ -174,10 +174,11 @@ def last_frame(text: str) -> str:
 
 def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: float = 60) -> Report:
     """Run some inputs of a family."""
-    report, began, inputs = Report(family, seed), time.monotonic(), Inputs(family, seed)
+    report, inputs = Report(family, seed), Inputs(family, seed)
     top = Path(tempfile.mkdtemp(prefix="fuzz-", dir=os.environ.get("FUZZ_FOLDER")))
     preload(inputs.good(), top)
     idle = run(["--version"], top).memory
+    began = time.monotonic()
     for k in numbers:
         if time.monotonic() - began > 60 * minutes:
             break
