@@ -57,14 +57,14 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
             check_format(path, (file.metadata() or {}).get("format", ""))
             wanted = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
             tensors = {name: file.get_tensor(name).clone() for name in wanted}  # else they live in the mapped file
+            for name, values in tensors.items():  # none that is not finite is ever written
+                if values.is_floating_point() and not values.isfinite().all():
+                    raise UserError(f"{path}: damaged ({name} is not finite); {OLDER}")
+            return tensors
     except UserError:
         raise
-    except Exception as error:  # types that torch has not, lengths that no number holds
+    except Exception as error:  # types and dimensions that torch has not, lengths that no number holds
         raise UserError(f"{path}: damaged ({error}); {OLDER}") from error
-    for name, values in tensors.items():
-        if values.is_floating_point() and not values.isfinite().all():  # none that is not finite is ever written
-            raise UserError(f"{path}: damaged ({name} is not finite); {OLDER}")
-    return tensors
 
 
 def check_format(path: Path, stored: str) -> None:
