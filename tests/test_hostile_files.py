@@ -352,3 +352,10 @@ def test_text_that_is_none(tmp_path: Path, refused: Line) -> None:
     names = npy((2,), b"\xff\xff\xff\x7f" * 2, "<U1")
     path = archive(tmp_path / "x.npz", masks=npy(masks.shape, masks.tobytes()), names=names)
     assert "characters that are none" in refused("data", "inspect", path)
+
+
+def test_names_that_are_not_utf8(tmp_path: Path) -> None:
+    """Names of a pack are bytes; those that are no text are printed escaped."""
+    masks = np.stack([mask(20)] * 2)
+    path = archive(tmp_path / "x.npz", masks=npy(masks.shape, masks.tobytes()), names=npy((2,), b"\xfe\xb2", "|S1"))
+    assert in_child(["data", "inspect", str(path)], tmp_path / "stderr") == 0

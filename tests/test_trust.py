@@ -184,6 +184,8 @@ CHANGES: dict[str, Callable[[dict[str, torch.Tensor]], dict[str, torch.Tensor]]]
     "moments of another shape": lambda t: {**t, "generator_optimiser/0/exp_avg": torch.zeros(1, 1, 1)},
     "moments that are missing": drop,
     "moments of a weight that is not there": lambda t: {**t, "generator_optimiser/999/step": torch.zeros(())},
+    "steps of an optimiser": lambda t: {**t, "generator_optimiser/0/step": torch.tensor(-1.0)},
+    "too many axes": lambda t: {**t, "generator/x": torch.zeros([1] * 64)},
     "infinite counter": lambda t: {**t, "counters/step": torch.tensor(float("inf"), dtype=torch.float64)},
     "endless counter": lambda t: {**t, "counters/lines": torch.tensor(1e300, dtype=torch.float64)},
     "negative counter": lambda t: {**t, "counters/step": torch.tensor(-1.0, dtype=torch.float64)},

@@ -2905,8 +2905,8 @@ TRUST = (
     mutant(
         "moments of other shapes are loaded",
         "training/state.py",
-        "if fitting.get(key) != value.shape or len(tensors) % 3:",
-        "if key not in fitting or len(tensors) % 3:",
+        "if fitting.get(key) != value.shape or len(tensors) % 3 or steps_back:",
+        "if key not in fitting or len(tensors) % 3 or steps_back:",
         "test_trust.py::test_a_checkpoint_with_odd_entries",
     ),
     mutant(

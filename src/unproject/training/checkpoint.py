@@ -58,11 +58,11 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
                 raise UserError(f"{path}: not a checkpoint of unproject ({FORMAT}); point to a run of this program")
             wanted = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
             tensors = {name: file.get_tensor(name).clone() for name in wanted}  # else they live in the mapped file
+        for name, values in tensors.items():
+            if values.is_floating_point() and not values.isfinite().all():  # none that is not finite is ever written
+                raise UserError(f"{path}: damaged ({name} is not finite); {OLDER}")
     except UserError:
         raise
-    except Exception as error:  # types that torch has not, lengths that no number holds
+    except Exception as error:  # types and axes that torch has not, lengths that no number holds
         raise UserError(f"{path}: damaged ({error}); {OLDER}") from error
-    for name, values in tensors.items():
-        if values.is_floating_point() and not values.isfinite().all():  # none that is not finite is ever written
-            raise UserError(f"{path}: damaged ({name} is not finite); {OLDER}")
     return tensors

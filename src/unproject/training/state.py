@@ -287,7 +287,8 @@ def _load_optimiser(optimiser: TorchAdam, tensors: dict[str, Tensor]) -> None:
     fitting = {f"{i}/{name}": shape for i, shape in weights.items() for name in ("exp_avg", "exp_avg_sq")}
     fitting |= {f"{i}/step": torch.Size() for i in weights}
     for key, value in tensors.items():
-        if fitting.get(key) != value.shape or len(tensors) % 3:
+        steps_back = key.endswith("/step") and bool((value < 0).any())
+        if fitting.get(key) != value.shape or len(tensors) % 3 or steps_back:
             raise UserError(
                 f"the checkpoint's optimisers do not fit this recipe ({key}); it is of another run or version"
             )

@@ -174,7 +174,11 @@ def _texts(arrays: Mapping[str, np.ndarray], key: str) -> list[str]:
     found = arrays.get(key)
     if found is None or found.ndim != 1 or found.dtype.kind not in "SU":
         return []
-    return [text.decode() for text in found.tolist()] if found.dtype.kind == "S" else found.tolist()
+    return (
+        [text.decode(errors="backslashreplace") for text in found.tolist()]
+        if found.dtype.kind == "S"
+        else found.tolist()
+    )
 
 
 def _is_volume(values: Tensor) -> bool:
