@@ -204,6 +204,14 @@ def test_a_checkpoint_with_odd_entries(run: Path, refused: Refused, kind: str) -
     assert "checkpoint" in refused("resume", run, "--trust", "--quiet", "--steps", "4")
 
 
+def test_a_start_from_averaged_weights_that_do_not_fit(run: Path, tmp_path: Path, refused: Refused) -> None:
+    path = checkpoint.newest(run / "checkpoints")
+    tensors = {name.replace("average/mapping.0.bias", "average/x"): v for name, v in checkpoint.load(path).items()}
+    save_file(tensors, path, {"format": checkpoint.FORMAT})
+    assert "cannot start from it" in refused(*TRAIN, "--from", run, "--out", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
 # Results of a reproduction
 
 
