@@ -359,3 +359,24 @@ def test_names_that_are_not_utf8(tmp_path: Path) -> None:
     masks = np.stack([mask(20)] * 2)
     path = archive(tmp_path / "x.npz", masks=npy(masks.shape, masks.tobytes()), names=npy((2,), b"\xfe\xb2", "|S1"))
     assert in_child(["data", "inspect", str(path)], tmp_path / "stderr") == 0
+
+
+def test_a_class_name_that_is_no_list(tmp_path: Path) -> None:
+    path = packed(tmp_path / "x.npz", [0, 0, 0])
+    with np.load(path) as arrays:
+        np.savez(path, **{**arrays, "class_names": np.array("chair")})
+    assert in_child(["data", "inspect", f"{path}:chair"], tmp_path / "stderr") == 0
+
+
+def test_an_image_without_sides(tmp_path: Path, refused: Line) -> None:
+    path = archive(tmp_path / "x.npz", image=npy((4,), bytes(16), "<f4"))
+    assert "image is float32 (4,)" in refused("export", path, "--to", "npz", "--out", tmp_path / "out.npz")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["|b1", "<f4"])
+def test_many_tiny_pictures_take_no_gigabytes(tmp_path: Path, kind: str) -> None:
+    """Each grows to the size of the recipe: they are kept as they will be, not as floats beside one another."""
+    path = archive(tmp_path / "x.npz", masks=npy((100_000, 1, 1), b"\1" * 100_000 * np.dtype(kind).itemsize, kind))
+    status = in_child(["data", "inspect", str(path)], tmp_path / "stderr", memory=700 * 2**20)
+    assert status in (0, 2) and "memory" not in (tmp_path / "stderr").read_text()
