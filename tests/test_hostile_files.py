@@ -352,3 +352,30 @@ def test_text_that_is_none(tmp_path: Path, refused: Line) -> None:
     names = npy((2,), b"\xff\xff\xff\x7f" * 2, "<U1")
     path = archive(tmp_path / "x.npz", masks=npy(masks.shape, masks.tobytes()), names=names)
     assert "characters that are none" in refused("data", "inspect", path)
+
+
+def test_names_that_are_not_utf8(tmp_path: Path) -> None:
+    """Names of a pack are bytes; those that are no text are printed escaped."""
+    masks = np.stack([mask(20)] * 2)
+    path = archive(tmp_path / "x.npz", masks=npy(masks.shape, masks.tobytes()), names=npy((2,), b"\xfe\xb2", "|S1"))
+    assert in_child(["data", "inspect", str(path)], tmp_path / "stderr") == 0
+
+
+def test_a_class_name_that_is_no_list(tmp_path: Path) -> None:
+    path = packed(tmp_path / "x.npz", [0, 0, 0])
+    with np.load(path) as arrays:
+        np.savez(path, **{**arrays, "class_names": np.array("chair")})
+    assert in_child(["data", "inspect", f"{path}:chair"], tmp_path / "stderr") == 0
+
+
+def test_an_image_without_sides(tmp_path: Path, refused: Line) -> None:
+    path = archive(tmp_path / "x.npz", image=npy((4,), bytes(16), "<f4"))
+    assert "image is float32 (4,)" in refused("export", path, "--to", "npz", "--out", tmp_path / "out.npz")
+
+
+@pytest.mark.slow
+def test_many_tiny_pictures_take_no_gigabytes(tmp_path: Path) -> None:
+    """Each grows to the size of the recipe: 312 MiB as they are kept, 1.2 GiB as floats, which are not."""
+    path = archive(tmp_path / "x.npz", masks=npy((80_000, 1, 1), np.ones(80_000, np.float32).tobytes(), "<f4"))
+    status = in_child(["data", "inspect", str(path)], tmp_path / "stderr", memory=900 * 2**20)
+    assert status in (0, 2) and "memory" not in (tmp_path / "stderr").read_text()

@@ -205,6 +205,20 @@ def test_a_checkpoint_with_odd_entries(run: Path, refused: Refused, kind: str) -
     assert "checkpoint" in refused("resume", run, "--trust", "--quiet", "--steps", "4")
 
 
+def test_a_start_from_averaged_weights_that_do_not_fit(run: Path, tmp_path: Path, refused: Refused) -> None:
+    path = checkpoint.newest(run / "checkpoints")
+    tensors = {name.replace("average/mapping.0.bias", "average/x"): v for name, v in checkpoint.load(path).items()}
+    save_file(tensors, path, {"format": checkpoint.FORMAT})
+    assert "cannot start from it" in refused(*TRAIN, "--from", run, "--out", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_pictures_of_another_size_leave_no_fits(run: Path, tmp_path: Path, refused: Refused) -> None:
+    np.savez(tmp_path / "x.npz", volume=np.ones((2, 8, 8, 8), np.float32))
+    words = ["fit", run, tmp_path / "x.npz", "--out", tmp_path / "fits", "--candidates", "2", "--no-novelty", "--trust"]
+    assert "as in training" in refused(*words) and not (tmp_path / "fits").exists()
+
+
 # Results of a reproduction
 
 
@@ -219,6 +233,7 @@ def test_a_checkpoint_with_odd_entries(run: Path, refused: Refused, kind: str) -
         lambda c: c["environment"].update(command=["train", 3]),
         lambda c: c["environment"].update(started=1.5),
         lambda c: c.update(environment=[]),
+        lambda c: c.pop("steps"),
         lambda c: c.update(scores=[]),
     ],
 )

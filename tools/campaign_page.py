@@ -33,7 +33,8 @@ KILLS = """
 
 SIGKILL at a random moment of a command's time, one to four times; then the same words, or `resume`, to the end.
 Checkpoints and logs must be those of a run that was never killed, bit for bit, and so must arrays and meshes. `amid`
-counts the kills that hit a command still running.
+counts the kills that hit a command still running. Hidden temporary files, which a kill may leave beside a file that is
+then whole or absent, are not compared.
 """
 CONDITIONS = """
 ## Conditions

@@ -142,7 +142,7 @@ def same_files(*names: str) -> Callable[[Path, Path], list[str]]:
     """Compare files, or all files of folders, byte for byte."""
 
     def compared(one: Path, other: Path) -> list[str]:
-        trees = [{k: v for k, v in read(f).items() if k.startswith(names)} for f in (one, other)]
+        trees = [{k: v for k, v in read(f).items() if k.startswith(names) and "/." not in k} for f in (one, other)]
         return sorted(k for k in trees[0].keys() | trees[1].keys() if trees[0].get(k) != trees[1].get(k))
 
     return compared
@@ -164,7 +164,7 @@ def whole_or_absent(name: str) -> Callable[[Path], list[str]]:
 
     def check(folder: Path) -> list[str]:
         wrong: list[str] = []
-        for file in [folder / name] if "*" not in name else folder.glob(name):
+        for file in [folder / name] if "*" not in name else folder.glob(name.replace("*", "[!.]*")):
             with collecting(wrong):
                 if file.suffix == ".npz" and file.exists():
                     with np.load(file) as arrays:

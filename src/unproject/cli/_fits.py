@@ -77,6 +77,7 @@ class Job:
 def write_fits(job: Job, together: bool) -> None:
     """Find and write each fit, then the files of all of them."""
     groups = job.groups(together)
+    job.fitter.check(job.found.subset([0]).floats())  # before anything is written
     _claim(job.out / "settings.json", {"settings": job.settings(), "fits": list(groups)})
     entries = [_entry(job, name, rows, k, len(groups)) for k, (name, rows) in enumerate(groups.items())]
     found = [_best(job.out / name / "fit.npz") for name in groups]

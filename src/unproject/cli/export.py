@@ -154,7 +154,7 @@ def _sampled_before(path: Path, arrays: Mapping[str, Any], domain: Domain, n: in
 
     found = {name: arrays[name] for name in (domain.name, *MAPS) if name in arrays}
     for name, values in found.items():
-        if values.dtype.kind not in "fiub" or 0 in (values.ndim, values.size):
+        if values.dtype.kind not in "fiub" or values.ndim < 3 or values.size == 0:
             raise UserError(
                 f"{path}: {name} is {values.dtype} {values.shape}; use a file that `unproject sample` wrote"
             )

@@ -94,6 +94,12 @@ class Fitter:
         """The samples that pictures are compared with first."""
         return Candidates(self.generator, self.viewing, self.search.candidates, self.seed, self.repeated)
 
+    def check(self, pictures: Tensor) -> None:
+        """Raise UserError if there is no picture, or they are not of the size of the generator's projections."""
+        wanted, given = tuple(self.candidates.projections.shape[2:]), tuple(pictures.shape[1:])
+        if given != wanted or not len(pictures):
+            raise UserError(f"{len(pictures)} pictures of {given}; give at least one, of {wanted} as in training")
+
     def fit(self, pictures: Tensor, known: Latents | None = None, watch: Watch = lambda *of: None) -> Fit:
         """Return explanations of pictures (M, ...) of one object.
 
@@ -104,9 +110,7 @@ class Fitter:
         Raises:
             UserError: if there is no picture, or they are not of the size of the generator's projections.
         """
-        wanted, given = tuple(self.candidates.projections.shape[2:]), tuple(pictures.shape[1:])
-        if given != wanted or not len(pictures):
-            raise UserError(f"{len(pictures)} pictures of {given}; give at least one, of {wanted} as in training")
+        self.check(pictures)
         known = {name: value.float() for name, value in (known or {}).items()}
         of = Pictures(pictures, known, self.viewing.possible(known, len(pictures)))
         rng = generator_at(self.seed, 0, "fit")

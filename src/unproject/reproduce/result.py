@@ -74,7 +74,7 @@ class Result:
                 if not math.isfinite(score["value"]):
                     raise ValueError("a score is not finite")
                 _check_kinds(score, {"value": (int, float), "protocol": str, "n": int, "seed": int})
-            if "steps" in content:
+            if {"recipe", "steps", "environment"} & content.keys():  # else true samples, which nothing trained
                 _check_kinds(content, {"steps": int, "seconds": (int, float), "environment": dict})
                 _check_kinds(content["environment"], MADE)
                 _check_kinds(dict(enumerate(content["environment"]["command"])), {}, str)

@@ -34,7 +34,8 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     tensors = checkpoint.load(newest)
     ours = json.loads(json.dumps(describe(state.recipe.generator)))
     difference = differing_settings(stored["resolved"].get("generator"), ours)
-    difference = difference or differing_weights(stripped(tensors, "generator"), state.generator)
+    for part in ("generator", "average"):
+        difference = difference or differing_weights(stripped(tensors, part), state.generator)
     if difference:
         raise UserError(
             f"{path}: cannot start from it: {difference}; give the same settings, or train from new weights"

@@ -174,7 +174,11 @@ def _texts(arrays: Mapping[str, np.ndarray], key: str) -> list[str]:
     found = arrays.get(key)
     if found is None or found.ndim != 1 or found.dtype.kind not in "SU":
         return []
-    return [text.decode(errors="replace") for text in found.tolist()] if found.dtype.kind == "S" else found.tolist()
+    return (
+        [text.decode(errors="backslashreplace") for text in found.tolist()]
+        if found.dtype.kind == "S"
+        else found.tolist()
+    )
 
 
 def _is_volume(values: Tensor) -> bool:
@@ -250,22 +254,24 @@ def _silhouettes(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
 def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
     """The pictures that can be framed, in 8 bits unless they are floats whose values are kept."""
     assert how.size is not None and how.framing is not None
-    images, skipped, white = {}, {}, white_of(pictures)
+    skipped, white = {}, white_of(pictures)
+    exact = pictures.is_floating_point() and how.framing.threshold is None
+    items = torch.empty(len(pictures), 1, how.size, how.size, dtype=torch.float32 if exact else torch.uint8)
+    rows: list[int] = []
     for row, picture in enumerate(pictures):
         try:
-            images[row] = frame(to_floats(picture, white).movedim(0, 2).numpy(), how.size, how.framing).image
+            image = frame(to_floats(picture, white).movedim(0, 2).numpy(), how.size, how.framing).image
+            items[len(rows)] = image if exact else to_bytes(image)
+            rows.append(row)
         except UnusablePicture as reason:
             if how.strict:
                 raise UserError(f"{path}, item {row}: {reason}; fix or remove it, or leave out --strict") from None
             skipped[f"{row:05d}"] = str(reason)
-    if not images:
+    if not rows:
         raise UserError(f"{path}: none of the {len(pictures)} pictures can be used (item 0: {skipped['00000']})")
-    items = torch.stack([*images.values()])
-    exact = pictures.is_floating_point() and how.framing.threshold is None
-    rows = list(images)
     names = [f"{row:05d}" for row in rows] if found.names is None else [str(found.names[row]) for row in rows]
     return Found(
-        items if exact else to_bytes(items),
+        items[: len(rows)],
         names,
         None if found.latents is None else {name: value[rows] for name, value in found.latents.items()},
         (*found.skipped, *skipped.items()),

@@ -121,7 +121,7 @@ def _selected(
     if f"X_{split}" not in arrays:
         splits = ", ".join(name[2:] for name in arrays if name.startswith("X_"))
         raise UserError(f"{path}: has no split {split!r}; it has {splits}")
-    known = [str(name) for name in arrays.get("class_names", np.array([]))]
+    known = [str(name) for name in np.atleast_1d(arrays.get("class_names", np.array([]))).ravel()]
     labels = _labels(path, arrays, split, known)
     there = [known[k] for k in np.unique(labels) if known]
     for name in classes:
