@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 import torch
-from scipy.cluster.vq import kmeans2
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
@@ -102,6 +101,8 @@ def likeliest_window(probabilities: Tensor, length: int) -> Tensor:
 
 def k_means(rows: Tensor, clusters: int, seed: int, starts: int = 5) -> Tensor:
     """Return the cluster of each row (N, D), (N,): scipy's k-means++, the best of several starts."""
+    from scipy.cluster.vq import kmeans2  # here, since it takes a tenth of a second to import
+
     values = rows.double().numpy()
     # k-means++ needs as many different rows as clusters; further clusters stay empty.
     clusters = min(clusters, len(np.unique(values, axis=0)))

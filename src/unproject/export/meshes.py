@@ -8,17 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
 
 from unproject._types import UserError
 from unproject.export._volumes import Written, as_batch, floor_grid, is_file, keep_usable, names_for, save
 from unproject.ops.isosurface import isosurface, without_cavities
+
+if TYPE_CHECKING:  # trimesh is imported where it is used: it takes as long as a third of torch, and samplers need none
+    import trimesh
+    from trimesh.visual.material import PBRMaterial
 
 # Linear, as glTF wants it.
 CLAY = (0.62, 0.43, 0.32)
@@ -47,6 +48,9 @@ def mesh(
     Raises:
         UserError: nothing lies above the level.
     """
+    import trimesh
+    from trimesh.visual import TextureVisuals
+
     v = as_batch(volume)[0]
     vertices, triangles = isosurface(without_cavities(v, level), level, smooth=smooth, min_fraction=min_fraction)
     if len(triangles) == 0:
@@ -108,6 +112,8 @@ def _write(
 
 
 def _scene(meshes: dict[str, trimesh.Trimesh]) -> trimesh.Scene:
+    import trimesh
+
     scene = trimesh.Scene()
     for (name, surface), (x, z) in zip(meshes.items(), floor_grid(len(meshes), _SPACING), strict=True):
         place = trimesh.transformations.translation_matrix([x, 0, z])
@@ -132,6 +138,8 @@ def _obj_text(scene: trimesh.Scene) -> str:
 
 
 def _ply_bytes(scene: trimesh.Scene) -> bytes:
+    import trimesh
+
     joined: Any = trimesh.util.concatenate(list(_placed(scene).values()))
     return joined.export(file_type="ply", vertex_normal=True, include_attributes=False)
 
@@ -146,6 +154,7 @@ def _decimated(surface: trimesh.Trimesh, faces: int | None) -> trimesh.Trimesh:
     if faces is None or faces >= len(surface.faces):
         return surface
     import fast_simplification  # only those who ask for a budget pay for it
+    import trimesh
 
     points, triangles = fast_simplification.simplify(
         np.asarray(surface.vertices, np.float32), np.asarray(surface.faces, np.int32), target_count=faces
@@ -155,4 +164,6 @@ def _decimated(surface: trimesh.Trimesh, faces: int | None) -> trimesh.Trimesh:
 
 
 def _clay() -> PBRMaterial:
+    from trimesh.visual.material import PBRMaterial
+
     return PBRMaterial(name="clay", baseColorFactor=[*CLAY, 1.0], metallicFactor=0.0, roughnessFactor=0.85)
