@@ -81,7 +81,7 @@ def shortened(command: str) -> str:
     verb = command.split()[1]
     command = re.sub(r"--(minutes|steps) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
-    command = command.replace("--ceiling", "")
+    command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
     more = {
         "train": "--steps 2 --batch 4 --quiet",
         "resume": "--steps 3 --quiet",

@@ -863,6 +863,28 @@ NETWORKS = (
         'return F.pad(x, (border,) * 4, mode="replicate")',
         "networks/test_materials.py::test_a_stationary_generator_has_no_origin",
     ),
+    mutant(
+        "materials: large maps repeat those of training",
+        "networks/materials.py",
+        "places = normal_noise(given.flip(1), times * START, self.places)",
+        "places = given.view(len(code), -1, START, START).repeat(1, 1, times, times)",
+        "networks/test_materials.py::test_a_large_sample_tiles_and_nothing_repeats_within",
+    ),
+    mutant(
+        "materials: texels of large maps are larger",
+        "networks/materials.py",
+        "return [white_noise(code[:, self.vector :], times * side, sources) for sources, side in self.noise_shapes]",
+        "noise = [white_noise(code[:, self.vector :], side, sources) for sources, side in self.noise_shapes]\n"
+        "        return [F.interpolate(part, scale_factor=times) for part in noise]",
+        "networks/test_materials.py::test_a_sample_of_another_size_is_the_same_material_with_texels_as_large",
+    ),
+    mutant(
+        "materials: fibres of large maps are longer",
+        "networks/materials.py",
+        "n = max(1, round(share * x.shape[axis] / times))",
+        "n = max(1, round(share * x.shape[axis]))",
+        "networks/test_materials.py::test_half_of_the_noise_is_grain",
+    ),
 )
 
 ADVERSARIAL = (

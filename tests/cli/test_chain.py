@@ -151,6 +151,32 @@ def test_a_table_prints_each_long_part_of_protocols_once(tmp_path: Path, capsys:
     assert all(table.count(note.partition(" ")[2]) == 1 for note in notes.splitlines())
 
 
+# Large materials
+
+
+def test_materials_are_sampled_and_exported_at_a_multiple_of_their_size(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, large = tmp_path / "run", tmp_path / "large.npz"
+    trained(run, "wood", *SMALL)
+    side = load(run).sample(1).shape[-1]
+    assert main(["sample", str(run), "--n", "2", "--size", str(3 * side), "--out", str(large)]) == 0
+    with np.load(large) as arrays:
+        assert arrays["diffuse"].shape == (2, 3, 3 * side, 3 * side)
+    for to in ("maps", "mtlx"):
+        out = tmp_path / to
+        assert main(["export", str(run), "--n", "1", "--size", str(3 * side), "--to", to, "--out", str(out)]) == 0
+        (file,) = out.rglob("basecolor.png")
+        with Image.open(file) as picture:
+            assert picture.size == (3 * side, 3 * side)
+    capsys.readouterr()
+    assert main(["sample", str(run), "--size", str(side + 1), "--out", str(tmp_path / "no.npz")]) == 2
+    assert "or a multiple of it" in capsys.readouterr().err
+    monkeypatch.setattr("unproject.training.run.available_memory", lambda _: 10**6)
+    assert main(["sample", str(run), "--size", str(64 * side), "--out", str(tmp_path / "no.npz")]) == 2
+    assert "texels take about" in capsys.readouterr().err and not (tmp_path / "no.npz").exists()
+
+
 # A short trial
 
 

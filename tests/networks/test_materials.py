@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from unproject._random import generator_at, seeded
+from unproject._types import UserError
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
-from unproject.networks.materials import stretched, white_noise
+from unproject.networks.materials import normal_noise, stretched, white_noise
 from unproject.ops.maps import MAPS, check_maps
 from unproject.testing import check_generator
 
@@ -100,10 +101,11 @@ def test_noise_is_white_and_a_function_of_the_code() -> None:
     assert abs((image[:, 1:] * image[:, :-1]).mean()) < 0.06 and abs((image[1:] * image[:-1]).mean()) < 0.06
 
 
-def test_half_of_the_noise_is_grain() -> None:
-    """Down and across, from end to end and for a quarter of the side; of deviation 1, and it tiles."""
-    white = white_noise(torch.randn(40, 10, generator=generator_at(3)), 32, 8)
-    x = stretched(white)
+@pytest.mark.parametrize("times", [1, 2])
+def test_half_of_the_noise_is_grain(times: int) -> None:
+    """Down and across, from end to end and for a quarter of the side of training; of deviation 1, and it tiles."""
+    white = white_noise(torch.randn(40, 10, generator=generator_at(3)), 32 * times, 8)
+    x = stretched(white, times)
     assert torch.equal(x[:, :4], white[:, :4])
     assert torch.equal(x[:, 4], x[:, 4, :1].expand_as(x[:, 4]))
     assert torch.equal(x[:, 5], x[:, 5, :, :1].expand_as(x[:, 5]))
@@ -192,3 +194,47 @@ def test_noise_is_a_part_of_the_latent() -> None:
     moved[:, generator.code_size :] = 0
     smooth, rough = generator.synthesise(moved), generator(code)
     assert smooth.var((2, 3)).sum() < rough.var((2, 3)).sum()
+
+
+LARGE = 96
+"""Three times the side of `made("stationary")`."""
+
+
+def contrast(x: torch.Tensor, at: int) -> torch.Tensor:
+    """Return the root mean square of the difference of texels that are `at` apart, over borders too, by channel."""
+    differences = torch.stack([x - x.roll(at, axis) for axis in (2, 3)])
+    return differences.square().mean((0, 1, 3, 4)).sqrt()
+
+
+def test_a_sample_of_another_size_is_the_same_material_with_texels_as_large() -> None:
+    generator = made("stationary")
+    own, large = generator.sample(12, seed=1), generator.sample(12, seed=1, size=LARGE)
+    assert torch.equal(generator.sample(12, seed=1, size=32), own)
+    assert large.shape == (12, 8, LARGE, LARGE)
+    check_maps(large)
+    torch.testing.assert_close(large.mean((2, 3)), own.mean((2, 3)), atol=0.02, rtol=0)
+    for at in (1, 2, 4):
+        torch.testing.assert_close(contrast(large, at), contrast(own, at), rtol=0.1, atol=1e-3)
+
+
+def test_a_large_sample_tiles_and_nothing_repeats_within() -> None:
+    large = made("stationary").sample(8, seed=1, size=LARGE)[:, :7]
+    for axis in (2, 3):
+        steps = (large - large.roll(1, axis)).square().mean((0, 1, 5 - axis)).sqrt()
+        assert steps[0] < 1.5 * steps[1:].mean()  # over the border, as within
+    fields = (large - large.mean((2, 3), keepdim=True)).flatten(0, 1)
+    energy = fields.square().mean((1, 2))
+    for shift in (32, 64):
+        alike = (fields * fields.roll((shift, shift), (1, 2))).mean((1, 2)) / energy
+        assert alike.mean().abs() < 0.1, alike
+
+
+@pytest.mark.parametrize("size", [0, 16, 48])
+def test_other_sizes_are_multiples(size: int) -> None:
+    with pytest.raises(UserError, match="choose 32, or a multiple of it such as 128"):
+        made("stationary").sample(1, size=size)
+
+
+def test_noise_of_large_maps_is_normal_where_codes_are() -> None:
+    x = normal_noise(torch.randn(4, 10, generator=generator_at(3)), 64, 2).double()
+    assert abs(x.mean()) < 0.02 and abs(x.std() - 1) < 0.02 and abs((x**4).mean() - 3) < 0.2

@@ -49,7 +49,8 @@ def run(
         depth: Bits of the maps' PNG, or half or float EXR.
         fresnel: What the specular map means: see `unproject render --help`.
         eta: The index of refraction, for --fresnel eta.
-        size: Of shapes of a run, voxels a side: a multiple of what was trained, such as 128 after 64. Of folders of
+        size: Of a run, voxels a side of shapes or texels a side of materials: a multiple of what was trained. 128
+            after 64 are shapes twice as fine; 1024 after 64 are materials that cover 16 times the side. Of folders of
             textures, pixels a side, to which they are resampled.
         trust: Import the generator's code although it is not of this package.
     """

@@ -28,7 +28,8 @@ def run(
         n: how many.
         seed: which; the same seed gives the same samples.
         out: the file to write.
-        size: voxels a side of shapes: a multiple of what was trained, such as 128 after 64 (default: what was trained).
+        size: voxels a side of shapes, texels a side of materials: a multiple of what was trained (default: that). 128
+            after 64 are shapes twice as fine; 1024 after 64 are materials that cover 16 times the side.
         largest_part: remove parts of shapes that float.
         trust: import the generator's code although it is not of this package.
     """

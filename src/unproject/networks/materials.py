@@ -13,6 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from .._types import UserError
 from ..ops.maps import MAPS, normals_of, pack_maps
 from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
@@ -125,6 +126,9 @@ class StationaryMaterials(MaterialGenerator):
     materials and a material changes smoothly with the vector. A level mixes several independent sources of noise, so
     that maps need not be correlated; half of the sources are grain, stretched along a row or a column.
 
+    Since nothing depends on where it is, samples of any multiple of the side can be made (`at_size`): the map has as
+    many more places, and texels are as large as in training. Nothing repeats within, and the whole tiles.
+
     The last doubling is a sub-pixel convolution to fields. Each map is a function of the fields at its pixel and of the
     vector only, so that maps are correlated in the same way at all scales: what training images determine at coarse
     scales holds at fine ones. Normals are those of a height, hence integrable and in phase with correlated maps. No
@@ -162,6 +166,7 @@ class StationaryMaterials(MaterialGenerator):
     ) -> None:
         super().__init__(code_size + places * START**2, vector=code_size, relief=True)
         levels, hidden = upsampling_levels(size) - 1, 128
+        self.size, self.places = size, places
         self.mapping = nn.Sequential(
             nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
         )
@@ -180,21 +185,40 @@ class StationaryMaterials(MaterialGenerator):
 
     def map_code(self, code: Tensor) -> Tensor:
         """Return latents: the code, and the noise of each level, which fits to pictures then choose freely."""
-        places = code[:, self.vector :]
-        noise = (white_noise(places, size, sources).flatten(1) for sources, size in self.noise_shapes)
-        return torch.cat([code, *noise], 1)
+        return torch.cat([code, *(noise.flatten(1) for noise in self._white(code, 1))], 1)
 
     def synthesise(self, latent: Tensor) -> Tensor:
         code, white = latent[:, : self.code_size], latent[:, self.code_size :]
-        vector, places = code[:, : self.vector], code[:, self.vector :]
-        parts = white.split([sources * size**2 for sources, size in self.noise_shapes], 1)
+        parts = white.split([sources * side**2 for sources, side in self.noise_shapes], 1)
         noise = [
-            stretched(part.view(-1, sources, size, size))
-            for part, (sources, size) in zip(parts, self.noise_shapes, strict=True)
+            part.view(-1, sources, side, side) for part, (sources, side) in zip(parts, self.noise_shapes, strict=True)
         ]
+        return self._maps(code[:, : self.vector], code[:, self.vector :].view(len(code), -1, START, START), noise)
+
+    def at_size(self, code: Tensor, size: int) -> Tensor:
+        """Return maps of `size` a side, a multiple of the generator's own; texels are as large as those of training.
+
+        The vector is the code's, so that it is the same material. The map of places and the noise are drawn anew, from
+        the code, in the larger number.
+        """
+        times = size // self.size
+        if size < self.size or size % self.size:
+            raise UserError(f"size {size}: choose {self.size}, or a multiple of it such as {4 * self.size}")
+        if times == 1:
+            return self(code)
+        vector, given = code[:, : self.vector], code[:, self.vector :]
+        # The last two numbers of the code are the seed, as the first two are that of the noise.
+        places = normal_noise(given.flip(1), times * START, self.places)
+        return self._maps(vector, places, self._white(code, times), times)
+
+    def _white(self, code: Tensor, times: int) -> list[Tensor]:
+        return [white_noise(code[:, self.vector :], times * side, sources) for sources, side in self.noise_shapes]
+
+    def _maps(self, vector: Tensor, places: Tensor, white: list[Tensor], times: int = 1) -> Tensor:
+        """Return the maps of a vector, a map of places and the white noise of each level."""
+        noise = [stretched(part, times) for part in white]
         hidden = self.mapping(vector)
-        start = places.view(len(code), -1, START, START)
-        x = self.start(tiled(start, 1).contiguous(memory_format=torch.channels_last))
+        x = self.start(tiled(places, 1).contiguous(memory_format=torch.channels_last))
         x = F.relu(self.first(x, hidden))
         for level, drawn in zip(self.common, noise[:-1], strict=True):
             x = level(x, hidden, drawn)
@@ -272,18 +296,24 @@ def white_noise(code: Tensor, size: int, sources: int = 1) -> Tensor:
     return ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
 
 
-def stretched(white: Tensor) -> Tensor:
-    """Return noise (B, sources, size, size) of white noise.
+def normal_noise(code: Tensor, size: int, sources: int = 1) -> Tensor:
+    """Return white noise (B, sources, size, size), normally distributed, as a function of the code."""
+    uniform = white_noise(code, size, sources).double() / 12**0.5 + 0.5
+    return torch.special.ndtri(uniform.clamp(1e-6, 1 - 1e-6)).to(code.dtype)
+
+
+def stretched(white: Tensor, times: int = 1) -> Tensor:
+    """Return noise (B, sources, size, size) of white noise, of maps `times` as large as those of training.
 
     Of each eight sources the first four stay as they are; the others are stretched by `GRAIN`, to grooves and joints
     from edge to edge and to fibres, which convolutions of three pixels cannot make from white noise.
     """
-    return torch.stack([_stretched(x, *GRAIN[k % len(GRAIN)]) for k, x in enumerate(white.unbind(1))], 1)
+    return torch.stack([_stretched(x, *GRAIN[k % len(GRAIN)], times) for k, x in enumerate(white.unbind(1))], 1)
 
 
-def _stretched(x: Tensor, axis: int, share: float) -> Tensor:
-    """Average white noise (B, S, S) along an axis over a share of the side, at the same deviation."""
+def _stretched(x: Tensor, axis: int, share: float, times: int) -> Tensor:
+    """Average white noise (B, S, S) along an axis over a share of the side of training, at the same deviation."""
     if share == 1:
         return x.narrow(axis, 0, 1).expand_as(x)
-    n = max(1, round(share * x.shape[axis]))
+    n = max(1, round(share * x.shape[axis] / times))
     return torch.stack([x.roll(k, axis) for k in range(n)]).sum(0) * n**-0.5

@@ -81,13 +81,14 @@ class Run:
 
         Args:
             largest_part: remove parts of shapes that float (`ops.largest_part`); other samples stay as they are.
-            size: voxels a side, for generators that can make other sizes than their own (`Generator.at_size`).
+            size: voxels or texels a side, for generators that make other sizes than their own too
+                (`Generator.at_size`): of shapes finer ones, of materials larger ones.
 
         Raises:
             UserError: for a size that the generator cannot make, or that takes more memory than there is.
         """
-        if size is not None and self.domain.name == "volume":
-            _require_memory_of(n, size)
+        if size is not None:
+            _require_memory_of(n, size, self.domain.name)
         self._require_memory(n)
         x = self.generator.sample(n, seed) if size is None else self.generator.sample(n, seed, size=size)
         return self.domain.largest_part(x) if largest_part else x
@@ -246,13 +247,19 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
 
 
-def _require_memory_of(n: int, size: int) -> None:
-    """Refuse volumes that do not fit: the samples twice, while they are put together, and what is made at once."""
-    need = 4 * (2 * n * size**3 + 8 * max(FINE_VOXELS, size**3))
+TEXEL_BYTES = 600
+"""What a texel takes at most while a material is made at another size."""
+
+
+def _require_memory_of(n: int, size: int, domain: str) -> None:
+    """Refuse samples of another size that do not fit: twice, while they are put together, and what is made at once."""
+    need, what = 4 * (2 * n * size**3 + 8 * max(FINE_VOXELS, size**3)), "³ voxels"
+    if domain != "volume":
+        need, what = (4 * 2 * n * 8 + TEXEL_BYTES) * size**2, "² texels"
     there = available_memory(torch.device("cpu"))
     if there is not None and need > there:
         takes = f"take about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available"
-        raise UserError(f"{n} samples of {size}³ voxels {takes}; lower n or size")
+        raise UserError(f"{n} samples of {size}{what} {takes}; lower n or size")
 
 
 def is_foreign(path: Path) -> bool:
