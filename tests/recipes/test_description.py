@@ -50,7 +50,7 @@ CHANGES = [
     {"views": "known"},
     {"views": "single"},
     {"views": "learned"},
-    {"views_per_sample": 2},
+    {"views_per_sample": 4},
     {"ema_half_life": 10.0},
     {"balance_every": 5},
     {"discriminator_steps": 2},

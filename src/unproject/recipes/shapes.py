@@ -56,7 +56,7 @@ def shapes(
     gamma: float = 0.1,
     solid: float = 0.1,
     connected: float = 3.0,
-    information: float = 0.3,
+    information: float = 0.0,
     rounds: int = 40,
     balance: float = 0.8,
     init_views: bool = False,
@@ -91,7 +91,8 @@ def shapes(
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
         connected: weight of the preference for shapes in one piece.
-        information: weight of the preference for shapes whose views can be predicted (`JointlyPredicted`).
+        information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
+            been found to help.
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far the distribution of predicted views is moved to the uniform one, 0 to 1, while pictures hold no
             information of their views; the more they hold, the less, down to a quarter of it.
@@ -120,7 +121,7 @@ def shapes(
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         batch=48,
-        views_per_sample=1 if direct else 4,
+        views_per_sample=1 if direct else 2,
         steps=steps_of(size),
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,
