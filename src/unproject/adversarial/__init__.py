@@ -3,6 +3,7 @@
 from .adaptive import Adaptive
 from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
+from .matching import Matching, MatchingState
 from .penalties import R1R2, GradientPenalty, Penalty
 from .regularisers import Centred, Connected, Regulariser, Regularisers, Solid
 
@@ -18,6 +19,8 @@ __all__ = [
     "Hinge",
     "Logistic",
     "Loss",
+    "Matching",
+    "MatchingState",
     "Penalty",
     "Regulariser",
     "Regularisers",

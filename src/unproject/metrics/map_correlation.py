@@ -39,8 +39,9 @@ from torch import Tensor
 
 from .._types import UserError
 from ..ops.maps import MAPS, luminance, unpack_maps
+from ..ops.pyramids import laplacian_pyramid
 from .distances import check_set
-from .patches import check_pair, chunks, laplacian_pyramid
+from .patches import check_pair, chunks
 
 FIELDS = tuple(MAPS)
 PAIRS = tuple(combinations(FIELDS, 2))

@@ -1,10 +1,6 @@
 """Texture distances of two sets of images, without learned weights: patches and filter responses.
 
-*Laplacian pyramid* of an image, with b the binomial filter (1, 4, 6, 4, 1)/16 along both axes, borders reflected:
-
-    g_0 = x,   g_{l+1} = (b * g_l) ↓2,   bands g_l - (4b) * (g_{l+1} ↑2),   last the rest g_L
-
-down to a shorter side of 16.
+*Laplacian pyramid* (`ops.pyramids`) of an image, down to a shorter side of 16.
 
 *Patch distance*, Karras et al.'s sliced Wasserstein distance: patches p of 7×7 of each band, K random unit vectors w,
 
@@ -37,15 +33,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import conv1d, pad
 
 from .._random import generator_at
 from .._types import UserError
+from ..ops.pyramids import filter_matrix, gaussian_pyramid, laplacian_pyramid
 from .distances import check_set
 from .feature_sets import kernel_distance
 
@@ -57,35 +53,6 @@ FEWEST, WANTED = 16, 1 << 12
 
 QUANTUM = 1 / 255
 CHUNK = 32
-BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
-
-
-def laplacian_pyramid(x: Tensor, smallest: int = SMALLEST) -> list[Tensor]:
-    """Return the bands of (..., H, W), finest first; the low-pass rest is last, its shorter side `smallest` or more."""
-    levels = gaussian_pyramid(x, smallest)
-    return [fine - _twice(coarse, *fine.shape[-2:]) for fine, coarse in pairwise(levels)] + [levels[-1]]
-
-
-def gaussian_pyramid(x: Tensor, smallest: int = SMALLEST) -> list[Tensor]:
-    """Return x (..., H, W), repeatedly blurred and halved while the shorter side is at least `smallest`."""
-    levels = [x]
-    while min(side + 1 for side in levels[-1].shape[-2:]) // 2 >= smallest:
-        rows, columns = (_filter(side, BINOMIAL)[::2] for side in levels[-1].shape[-2:])
-        levels.append(rows @ levels[-1] @ columns.T)
-    return levels
-
-
-def _twice(coarse: Tensor, height: int, width: int) -> Tensor:
-    rows, columns = (2 * _filter(side, BINOMIAL)[:, ::2] for side in (height, width))
-    return rows @ coarse @ columns.T
-
-
-@lru_cache(maxsize=64)
-def _filter(n: int, taps: tuple[float, ...]) -> Tensor:
-    """Return the matrix (n, n) that filters n samples with `taps`, reflected at both ends."""
-    reach = len(taps) // 2
-    steps = pad(torch.eye(n)[:, None], (reach, reach), mode="reflect")
-    return conv1d(steps, torch.tensor(taps)[None, None])[:, 0].T.contiguous()
 
 
 def chunks(x: Tensor) -> Iterator[Tensor]:
@@ -180,7 +147,7 @@ def _deviations(truth: Tensor) -> list[tuple[torch.Size, Tensor]]:
     """Return the size (C, H, W) of each band and the deviation (C,) of each channel in it, over texels and images."""
     sizes, sums = [], []
     for part in chunks(truth):
-        bands = [band.double() for band in laplacian_pyramid(part)]
+        bands = [band.double() for band in laplacian_pyramid(part, SMALLEST)]
         sizes = [band.shape[1:] for band in bands]
         sums.append([torch.stack([band.sum((0, 2, 3)), band.square().sum((0, 2, 3))]) for band in bands])
     means = [torch.stack(level).sum(0) / (len(truth) * size[1:].numel()) for size, level in zip(sizes, zip(*sums))]
@@ -199,7 +166,7 @@ def _probe(size: torch.Size, deviation: Tensor, patches: int, projections: int, 
 
 def _projected(images: Tensor, probes: Sequence[_Probe]) -> list[Tensor]:
     """Return the projected patches (K, N·P) of each level."""
-    parts = [[probe(band) for probe, band in zip(probes, laplacian_pyramid(part))] for part in chunks(images)]
+    parts = [[probe(band) for probe, band in zip(probes, laplacian_pyramid(part, SMALLEST))] for part in chunks(images)]
     return [torch.cat(level, 1) for level in zip(*parts)]
 
 
@@ -238,7 +205,7 @@ def kernel_patches(generated: Tensor, truth: Tensor) -> float:
 @torch.no_grad()
 def texture_features(images: Tensor) -> list[Tensor]:
     """Return features of (N, C, H, W) in groups: colour (N, 2C + C(C-1)/2), then (N, 20C) an octave, finest first."""
-    parts = [[_colours(part), *map(_octave, gaussian_pyramid(part))] for part in chunks(images)]
+    parts = [[_colours(part), *map(_octave, gaussian_pyramid(part, SMALLEST))] for part in chunks(images)]
     return [torch.cat(group) for group in zip(*parts)]
 
 
@@ -261,7 +228,7 @@ def _octave(x: Tensor) -> Tensor:
 def _derivatives(x: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield first and second derivative along 0°, 45°, 90° and 135° of x blurred by a Gaussian of one texel."""
     (rows, d_rows, dd_rows), (columns, d_columns, dd_columns) = (
-        [_filter(side, taps) for taps in _gaussian_taps()] for side in x.shape[-2:]
+        [filter_matrix(side, taps) for taps in _gaussian_taps()] for side in x.shape[-2:]
     )
     smooth, slope = rows @ x, d_rows @ x
     first, second = (smooth @ d_columns.T, slope @ columns.T), (smooth @ dd_columns.T, dd_rows @ x @ columns.T)

@@ -14,6 +14,7 @@ from typing_extensions import Self
 from .._types import UserError
 from ..adversarial.augmentation import Augmentation
 from ..adversarial.losses import Loss, Relativistic
+from ..adversarial.matching import Matching
 from ..adversarial.penalties import R1R2, Penalty
 from ..adversarial.regularisers import Regulariser
 from ..assignment import Panel
@@ -97,6 +98,7 @@ class Recipe:
         loss: the adversarial loss.
         penalty: the gradient penalty of the discriminators (None: no penalty).
         augmentation: of all images that discriminators see, real and generated; for small collections.
+        matching: gives generated images the statistics of real ones beside, in every panel of images (default: not).
         generator_optimiser: Adam's settings for the generator.
         discriminator_optimiser: Adam's settings for the discriminators.
         regulariser: (x, progress) → a term of the generator's loss, such as `Solid()`; several as `Regularisers`.
@@ -134,6 +136,7 @@ class Recipe:
     loss: Loss = field(default_factory=Relativistic)
     penalty: Penalty | None = field(default_factory=R1R2)
     augmentation: Augmentation | None = None
+    matching: Matching | None = field(default=None, metadata={"described": "if given"})
     generator_optimiser: Adam = field(default_factory=Adam)
     discriminator_optimiser: Adam = field(default_factory=Adam)
     regulariser: Regulariser | None = None

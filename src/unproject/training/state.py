@@ -15,8 +15,9 @@ from torch.optim import Adam as TorchAdam
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..adversarial.augmentation import AugmentationState
+from ..adversarial.matching import MatchingState
 from ..assignment import AssignmentState, Panel
-from ..data.sampling import batch_rows
+from ..data.sampling import batch_rows, spread_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
 from .recipe import Adam, Recipe
@@ -58,6 +59,7 @@ class PanelState:
     discriminator: nn.Module
     assignment: AssignmentState
     augmentation: AugmentationState | None = None
+    matching: MatchingState | None = None
     gradient_norm: float = 1.0
 
     @property
@@ -78,6 +80,7 @@ class PanelState:
             **self.assignment.log(),
             **(learned.log() if learned else {}),
             **(self.augmentation.log() if self.augmentation else {}),
+            **(self.matching.log() if self.matching else {}),
         }
 
     def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
@@ -96,7 +99,13 @@ class State:
             self._build_networks(recipe)
             assignments = begin_assignments(recipe)
         self.panels = [
-            PanelState(panel, discriminator, assignment.to(device), recipe.augmentation and recipe.augmentation.begin())
+            PanelState(
+                panel,
+                discriminator,
+                assignment.to(device),
+                recipe.augmentation and recipe.augmentation.begin(),
+                recipe.matching and recipe.matching.begin(some_images(panel)).to(device),
+            )
             for panel, discriminator, assignment in zip(recipe.panels, self.discriminators, assignments, strict=True)
         ]
         self.domain: Domain = domain_of(self.generator, recipe.domain)
@@ -175,6 +184,8 @@ class State:
             yield f"panels/{i}/assignment", panel.assignment
             if panel.augmentation is not None:
                 yield f"panels/{i}/augmentation", panel.augmentation
+            if panel.matching is not None:
+                yield f"panels/{i}/matching", panel.matching
 
     def optimisers(self) -> Iterator[tuple[str, TorchAdam]]:
         yield "generator_optimiser", self.generator_optimiser
@@ -246,6 +257,15 @@ def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> N
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
         raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it is of another run or another version")
     module.load_state_dict(own)
+
+
+MEASURED = 2000
+"""Real images at most whose statistics are matched."""
+
+
+def some_images(panel: Panel) -> Tensor:
+    """Return images of a panel, evenly spread over its collections."""
+    return panel.batch(spread_rows(len(panel), MEASURED), torch.device("cpu")).float()
 
 
 def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:

@@ -20,7 +20,7 @@ from torch import Tensor
 from .._random import derived_seed, generator_at
 from ..networks import Generator
 from . import checkpoint
-from .balancing import balanced_loss
+from .balancing import Term, balanced_loss
 from .choosing import choose
 from .distribution import Distribution
 from .health import EVERY, check, check_finite, diversity
@@ -126,11 +126,11 @@ class Trainer:
         recipe, ranks = self.recipe, self.distribution
         rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
         fake = panel.assignment.project(x, rows, latents_rng(recipe.seed, draw, index, ranks.rank))
-        real = panel.panel.batch(rows, fake.device).to(fake)
+        real, seen = panel.panel.batch(rows, fake.device).to(fake), fake
         if panel.augmentation is not None:
             rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
             real, fake = panel.augmentation(real, rng), panel.augmentation(fake, rng)
-        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device), rows)
+        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device), rows, seen)
 
     def _update_discriminators(self, batches: list[Batch], draw: int, progress: float) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
@@ -160,14 +160,17 @@ class Trainer:
         recipe, state = self.recipe, self.state
         # The discriminators' own gradients are not needed here; without them the pass takes a third less.
         state.discriminators.requires_grad_(False)
-        losses = []
+        terms = []
         for batch in batches:
             self._check_stop()
             with self._autocast():
                 fake = batch.score(batch.fake)
-            losses.append(recipe.loss.generator(batch.real_logits, fake.float()))
-        measure = recipe.balance_every > 0 and len(batches) > 1 and state.counters.step % recipe.balance_every == 0
-        total, loss = balanced_loss(state, losses, self.distribution if measure else None)
+            weight, matching = batch.panel.panel.weight, batch.panel.matching
+            terms.append(Term(weight, recipe.loss.generator(batch.real_logits, fake.float()), batch.panel))
+            if matching is not None:
+                terms.append(Term(weight * matching.settings.weight, matching(batch.seen), matching))
+        measure = recipe.balance_every > 0 and len(terms) > 1 and state.counters.step % recipe.balance_every == 0
+        total, loss = balanced_loss(state, terms, self.distribution if measure else None)
         extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
         for batch in batches:
             extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)
@@ -298,10 +301,15 @@ class TrainingContext:
 
 
 class Batch:
-    """What one panel's discriminator sees at one update: pairs of real and generated images, each with its head."""
+    """What one panel's discriminator sees at one update: pairs of real and generated images, each with its head.
 
-    def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor) -> None:
-        self.panel, self.real, self.fake, self.head, self.rows = panel, real, fake, head, rows
+    `seen` are the generated images before any augmentation.
+    """
+
+    def __init__(
+        self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor, seen: Tensor
+    ) -> None:
+        self.panel, self.real, self.fake, self.head, self.rows, self.seen = panel, real, fake, head, rows, seen
         self.real_logits = torch.empty(0)
 
     def score(self, images: Tensor) -> Tensor:

@@ -1,0 +1,118 @@
+"""Matching: the generator's images are given the statistics of the second order that real ones have.
+
+With s(y) the statistics of an image (`ops.band_statistics`), in units of the deviation of the real images and less
+their mean, a moving mean m over updates of E s(P(G(z))) and d, the deviation likewise, the generator minimises
+
+    E_j [√(1 + m_j²) + √(1 + (d_j - 1)²) - 2]
+
+The value is that of the moving means, whose noise is small; the gradient is that of the present batch. A discriminator
+has to find such statistics among all others, and to forget none; here they are given.
+
+References:
+    Salimans et al. 2016, Improved techniques for training GANs (matching of features).
+    Portilla and Simoncelli 2000 (which statistics).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from .._types import UserError
+from ..ops.band_statistics import band_statistics
+
+CHUNK = 64
+LEAST = 1e-3
+"""Deviation at least, of statistics that all real images share."""
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Match the statistics of bands; `begin` makes the state of one panel.
+
+    Args:
+        weight: of its gradient, where that of the panel's adversarial loss has 1.
+        memory: share of the newest batch in the moving means.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> real = torch.rand(32, 3, 16, 16)
+        >>> up.Matching().begin(real)(real).item() < 0.01
+        True
+    """
+
+    weight: float = 0.5
+    memory: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not (self.weight > 0 and 0 < self.memory <= 1):
+            raise UserError(f"{self}: give a positive weight, and a memory above 0 and at most 1")
+
+    def begin(self, real: Tensor) -> MatchingState:
+        """Return the state of a panel with these real images (N, C, H, W)."""
+        return MatchingState(self, real)
+
+
+class MatchingState(nn.Module):
+    """Statistics of the real images, and moving means of those of generated ones, in units of the real ones.
+
+    Attributes:
+        centre, unit: mean and deviation of each statistic of the real images.
+        first, second: moving means of the statistics of generated ones and of their squares.
+        seen: updates so far.
+    """
+
+    centre: Tensor
+    unit: Tensor
+    first: Tensor
+    second: Tensor
+    seen: Tensor
+    norm: Tensor
+
+    def __init__(self, settings: Matching, real: Tensor) -> None:
+        super().__init__()
+        self.settings = settings
+        found = torch.cat([band_statistics(part) for part in real.split(CHUNK)])
+        self.register_buffer("centre", found.mean(0))
+        self.register_buffer("unit", found.std(0).clamp_min(LEAST))
+        self.register_buffer("first", torch.zeros_like(self.centre))
+        self.register_buffer("second", torch.zeros_like(self.centre))
+        self.register_buffer("seen", torch.zeros((), dtype=torch.long))
+        self.register_buffer("norm", torch.ones((), dtype=torch.float64))
+
+    @property
+    def gradient_norm(self) -> float:
+        """The norm of the gradient of this loss, by which it is divided."""
+        return self.norm.item()
+
+    @gradient_norm.setter
+    def gradient_norm(self, value: float) -> None:
+        self.norm.fill_(value)
+
+    def log(self) -> dict[str, Any]:
+        """Return fields for the lines of the log: the root mean square of the differences of means."""
+        return {"mismatch": round(self.first.square().mean().sqrt().item(), 4)}
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return the loss of generated images (B, C, H, W), and take them into the moving means."""
+        s = (band_statistics(images.float()) - self.centre) / self.unit
+        self.seen += 1
+        rate = max(self.settings.memory, 1 / int(self.seen))
+        first = self._moved(self.first, s.mean(0), rate)
+        second = self._moved(self.second, s.square().mean(0), rate)
+        deviation = (second - first.square()).clamp_min(1e-6).sqrt()
+        return (_length(first) + _length(deviation - 1)).mean()
+
+    @staticmethod
+    def _moved(mean: Tensor, now: Tensor, rate: float) -> Tensor:
+        """Move a moving mean; return it with the gradient of the present value."""
+        mean.lerp_(now.detach(), rate)
+        return mean.clone() + (now - now.detach())
+
+
+def _length(z: Tensor) -> Tensor:
+    """√(1 + z²) - 1: z²/2 of small z; of large ones, as at the start, the gradient is bounded."""
+    return (1 + z.square()).sqrt() - 1

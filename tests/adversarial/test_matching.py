@@ -1,0 +1,78 @@
+"""Matching: real images lose nothing, others are moved to the statistics of real ones, and a state that is stored goes on."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.adversarial import Matching, MatchingState
+
+
+def drawn(n: int, rho: float, seed: int, size: int = 16) -> Tensor:
+    """Return images of two channels whose correlation is ρ."""
+    a, b = torch.randn(n, 2, size, size, generator=generator_at(seed)).chunk(2, 1)
+    return torch.cat([a, rho * a + (1 - rho**2) ** 0.5 * b], 1) * 0.2 + 0.5
+
+
+def begun(rho: float = 0.8, **settings: float) -> MatchingState:
+    return Matching(**settings).begin(drawn(400, rho, 0))
+
+
+def test_images_as_real_ones_lose_nothing_and_others_do() -> None:
+    losses = {}
+    for rho in (0.8, 0.0, -0.8):
+        state = begun()
+        for k in range(60):
+            loss = state(drawn(8, rho, 1 + k))
+        losses[rho] = loss.item()
+    assert losses[0.8] < 0.02 < 20 * losses[0.8] < losses[0.0] < losses[-0.8]
+
+
+def test_few_images_of_the_moving_means_are_enough() -> None:
+    """Of one batch of eight statistics are uncertain by a third of their deviation; of the moving means by little."""
+    first, state = begun(), begun()
+    alone = first(drawn(8, 0.8, 1)).item()
+    for k in range(100):
+        last = state(drawn(8, 0.8, 1 + k)).item()
+    assert last < 0.2 * alone
+
+
+def test_its_gradient_moves_a_correlation_to_that_of_real_images() -> None:
+    state, rho = begun(memory=0.1), torch.tensor(0.0, requires_grad=True)
+    for k in range(200):
+        a, b = torch.randn(8, 2, 16, 16, generator=generator_at(5 + k)).chunk(2, 1)
+        r = rho.tanh()
+        (gradient,) = torch.autograd.grad(state(torch.cat([a, r * a + (1 - r**2).sqrt() * b], 1) * 0.2 + 0.5), rho)
+        with torch.no_grad():
+            rho -= 0.1 * gradient.sign() * 0.98**k
+    assert rho.tanh().item() == pytest.approx(0.8, abs=0.05)
+
+
+def test_materials_that_are_all_alike_are_not_as_real_ones() -> None:
+    """The deviation between images counts: half of them with ρ = 0.9 and half with -0.9 are not all with 0."""
+    mixed = torch.cat([drawn(200, 0.9, 0), drawn(200, -0.9, 1)])
+    state, alike = Matching().begin(mixed), Matching().begin(mixed)
+    for k in range(60):
+        true = state(torch.cat([drawn(4, 0.9, 10 + k), drawn(4, -0.9, 90 + k)]))
+        false = alike(drawn(8, 0.0, 10 + k))
+    assert false > 3 * true
+
+
+def test_a_stored_state_goes_on_as_it_would_have() -> None:
+    one, other = begun(), begun()
+    for k in range(3):
+        one(drawn(8, 0.3, k))
+    one.gradient_norm = 0.25
+    other.load_state_dict(one.state_dict())
+    assert other.gradient_norm == 0.25 and int(other.seen) == 3
+    assert torch.equal(one(drawn(8, 0.3, 9)), other(drawn(8, 0.3, 9)))
+    assert one.log() == other.log()
+
+
+@pytest.mark.parametrize("settings", [{"weight": 0.0}, {"weight": -1.0}, {"memory": 0.0}, {"memory": 1.5}])
+def test_settings_out_of_range(settings: dict[str, float]) -> None:
+    with pytest.raises(UserError, match="give a positive weight"):
+        Matching(**settings)

@@ -1,0 +1,98 @@
+"""Statistics of bands: what goes together in an image is found, at its octave, and nothing else."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from unproject._random import generator_at
+from unproject.data import correlated
+from unproject.ops.band_statistics import band_statistics, opponent
+from unproject.ops.maps import MAPS
+from unproject.ops.microfacet import Reflection
+from unproject.projections import Rendering
+
+
+def noise(n: int, channels: int, size: int = 32, seed: int = 0) -> Tensor:
+    return torch.randn(n, channels, size, size, generator=generator_at(seed))
+
+
+def number_of(channels: int, levels: int) -> int:
+    """Means, then of each level log variances and correlations of 4 C + 1 fields, and those across levels."""
+    fields = 4 * channels + 1
+    return channels + levels * fields * (fields + 1) // 2 + (levels - 1) * (channels + 1) * (2 * channels + 1)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+def test_they_are_finite_and_differentiable_and_each_image_has_its_own(channels: int) -> None:
+    x = noise(3, channels).double().requires_grad_()
+    s = band_statistics(x)
+    assert s.shape == (3, number_of(channels, 3)) and bool(s.isfinite().all())
+    torch.testing.assert_close(band_statistics(x[1:2]), s[1:2])
+    assert torch.autograd.gradcheck(band_statistics, noise(1, channels, 8).double().requires_grad_())
+
+
+def test_flat_images_have_statistics_and_gradients() -> None:
+    x = torch.full((2, 3, 16, 16), 0.4, requires_grad=True)
+    s = band_statistics(x)
+    s.sum().backward()
+    assert bool(s.isfinite().all()) and x.grad is not None and bool(x.grad.isfinite().all())
+
+
+def first_correlations(x: Tensor) -> Tensor:
+    """Return the correlations of the finest level's fields, (B, F, F)."""
+    fields = 4 * x.shape[1] + 1
+    within = band_statistics(x)[:, x.shape[1] : x.shape[1] + fields * (fields + 1) // 2][:, fields:]
+    table = torch.zeros(len(x), fields, fields)
+    i, j = torch.triu_indices(fields, fields, 1)
+    table[:, i, j] = within
+    return table
+
+
+def test_correlations_of_channels_are_those_of_their_bands() -> None:
+    """Of two channels a, ρ a + √(1 - ρ²) b the bands have correlation ρ; slopes have that of their own channel."""
+    a, b = noise(40, 2).chunk(2, 1)
+    for rho in (0.0, 0.6, -1.0):
+        found = first_correlations(torch.cat([a, rho * a + math.sqrt(1 - rho**2) * b], 1)).mean(0)
+        for i, j in ((0, 1), (2, 3), (4, 5)):  # bands, slopes along x, slopes along y
+            assert found[i, j].item() == pytest.approx(rho, abs=0.03)
+        assert abs(found[0, 2]) > 0.4 and abs(found[0, 5] - rho * found[1, 5]) < 0.05  # a forward difference is not centred
+
+
+def test_energies_that_go_together_are_found_where_bands_do_not() -> None:
+    """A contrast that two channels share shows in the correlation of their squares alone."""
+    contrast = torch.nn.functional.interpolate(noise(40, 1, 4, seed=3).exp(), (32, 32))
+    shared = first_correlations(noise(40, 2) * contrast).mean(0)
+    alone = first_correlations(noise(40, 2)).mean(0)
+    assert abs(shared[0, 1]) < 0.05 and shared[6, 7] > alone[6, 7] + 0.1
+
+
+def test_colours_are_opponent() -> None:
+    grey = noise(2, 1).expand(-1, 3, -1, -1)
+    assert opponent(grey)[:, 1:].abs().max() < 1e-6
+    torch.testing.assert_close(opponent(grey)[:, :1], grey[:, :1])
+    assert opponent(noise(1, 2)).shape[1] == 2
+
+
+def z_squared(x: Tensor, y: Tensor) -> float:
+    """Return the mean square of the difference of the means of statistics, in units of its standard error."""
+    s, t = (band_statistics(pictures) for pictures in (x, y))
+    return ((s.mean(0) - t.mean(0)).square() / (s.var(0) / len(s) + t.var(0) / len(t) + 1e-9)).mean().item()
+
+
+def test_photographs_tell_whose_relief_it_is() -> None:
+    """Coloured lamps at 60°: with relief exchanged between materials statistics differ, between two draws they do not."""
+    truth, others = correlated(80, 32, 0), correlated(80, 32, 1)
+    exchanged = others.clone()
+    exchanged[:, MAPS["normal"]] = others[:, MAPS["normal"]].roll(1, 0)
+    coloured = Rendering("coloured", Reflection("albedo"))
+    angle = torch.zeros(80)
+    seen = [
+        coloured(maps, view=angle, light=angle + math.radians(60), light_azimuth=angle + math.pi)
+        for maps in (truth, others, exchanged)
+    ]
+    alike, different = z_squared(seen[0], seen[1]), z_squared(seen[0], seen[2])
+    assert alike < 1.5 and different > 4 * alike, (alike, different)
