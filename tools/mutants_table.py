@@ -1611,6 +1611,7 @@ FOUNDATIONS = (
 )
 
 TRAINER, VIEWS = "training/test_trainer.py", "recipes/test_predicting_views.py"
+MATCHING, BANDS = "adversarial/test_matching.py", "ops/test_band_statistics.py"
 PAPER, PANEL, RESUME = "recipes/test_paper_choices.py", "assignment/test_panel.py", "training/test_resume.py"
 PAIRED = f"{TRAINER}::test_samples_are_projected_in_the_views_of_the_images_they_are_paired_with"
 
@@ -1908,16 +1909,58 @@ TRAINING = (
     mutant(
         "balancing: a panel's weight is ignored",
         "training/balancing.py",
-        "balanced = balanced + panel.panel.weight / panel.gradient_norm * loss",
-        "balanced = balanced + 1 / panel.gradient_norm * loss",
+        "balanced = balanced + weight / owner.gradient_norm * loss",
+        "balanced = balanced + 1 / owner.gradient_norm * loss",
         f"{PANEL}::test_balanced_panels_contribute_alike",
     ),
     mutant(
         "balancing: the gradient norm is ignored",
         "training/balancing.py",
-        "balanced = balanced + panel.panel.weight / panel.gradient_norm * loss",
-        "balanced = balanced + panel.panel.weight * loss",
+        "balanced = balanced + weight / owner.gradient_norm * loss",
+        "balanced = balanced + weight * loss",
         f"{PANEL}::test_balanced_panels_contribute_alike",
+    ),
+    mutant(
+        "matching: all statistics have one unit",
+        "adversarial/matching.py",
+        "s = (band_statistics(images.float()) - self.centre) / self.unit",
+        "s = band_statistics(images.float()) - self.centre",
+        MATCHING,
+    ),
+    mutant(
+        "matching: the moving means have no gradient",
+        "adversarial/matching.py",
+        "return mean.clone() + (now - now.detach())",
+        "return mean.clone() + 0 * now",
+        f"{MATCHING}::test_its_gradient_moves_a_correlation_to_that_of_real_images",
+    ),
+    mutant(
+        "matching: deviations between images do not count",
+        "adversarial/matching.py",
+        "(_length(first) + _length(deviation - 1)).mean()",
+        "_length(first).mean()",
+        f"{MATCHING}::test_materials_that_are_all_alike_are_not_as_real_ones",
+    ),
+    mutant(
+        "matching: the present batch counts alone",
+        "adversarial/matching.py",
+        "rate = max(self.settings.memory, 1 / int(self.seen))",
+        "rate = 1.0",
+        f"{MATCHING}::test_few_images_of_the_moving_means_are_enough",
+    ),
+    mutant(
+        "band statistics: energies do not count",
+        "ops/band_statistics.py",
+        "energy = torch.cat([inner.square(), steepness], 1)",
+        "energy = 0 * torch.cat([inner.square(), steepness], 1)",
+        f"{BANDS}::test_energies_that_go_together_are_found_where_bands_do_not",
+    ),
+    mutant(
+        "band statistics: slopes along x and y are the same",
+        "ops/band_statistics.py",
+        "(band[:, :, :-1, 1:], band[:, :, 1:, :-1])",
+        "(band[:, :, :-1, 1:], band[:, :, :-1, 1:])",
+        BANDS,
     ),
     mutant(
         "state: the average is the current generator",

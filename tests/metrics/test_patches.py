@@ -9,9 +9,7 @@ from scipy.stats import wasserstein_distance
 from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.metrics.patches import (
-    gaussian_pyramid,
     kernel_patches,
-    laplacian_pyramid,
     patch_distance,
     standardised,
     texture_features,
@@ -52,22 +50,6 @@ def test_wasserstein_is_scipys(m, n):
     x, y = noise(3 * m, size=1).view(3, m), noise(3 * n, size=1, seed=1).view(3, n) * 2
     expected = [wasserstein_distance(a, b) for a, b in zip(x.numpy(), y.numpy())]
     assert wasserstein(x, y).tolist() == pytest.approx(expected, rel=1e-5)
-
-
-@pytest.mark.parametrize("size, sides", [(64, [64, 32, 16]), (33, [33, 17]), (31, [31, 16]), (30, [30])])
-def test_levels_of_the_pyramid(size, sides):
-    flat = laplacian_pyramid(torch.full((1, 2, size, size + 3), 0.25))
-    assert [band.shape[-2] for band in flat] == sides
-    assert all(band.abs().max() < 1e-6 for band in flat[:-1]) and (flat[-1] - 0.25).abs().max() < 1e-6
-
-
-def test_bands_hold_what_their_scale_holds():
-    # A wave of 4 texels is in the finest band, one of 32 is in the rest.
-    wave = [torch.sin(torch.arange(64) * 2 * math.pi / period).expand(1, 1, 64, 64) for period in (4, 32)]
-    fine, coarse = (torch.stack([band.std() for band in laplacian_pyramid(x)]) for x in wave)
-    assert fine[0] > 0.6 and fine[1:].max() < 0.1
-    assert coarse[2] > 0.6 and coarse[:2].max() < 0.15
-    assert [level.shape[-1] for level in gaussian_pyramid(wave[0])] == [64, 32, 16]
 
 
 @pytest.mark.parametrize("deviations", [(1.0, 0.5), (0.2, 0.3), (0.1, 0.1)])

@@ -59,7 +59,9 @@ def test_correlations_of_channels_are_those_of_their_bands() -> None:
         found = first_correlations(torch.cat([a, rho * a + math.sqrt(1 - rho**2) * b], 1)).mean(0)
         for i, j in ((0, 1), (2, 3), (4, 5)):  # bands, slopes along x, slopes along y
             assert found[i, j].item() == pytest.approx(rho, abs=0.03)
-        assert abs(found[0, 2]) > 0.4 and abs(found[0, 5] - rho * found[1, 5]) < 0.05  # a forward difference is not centred
+        assert (
+            abs(found[0, 2]) > 0.4 and abs(found[0, 5] - rho * found[1, 5]) < 0.05
+        )  # a forward difference is not centred
 
 
 def test_energies_that_go_together_are_found_where_bands_do_not() -> None:

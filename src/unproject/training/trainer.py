@@ -306,9 +306,7 @@ class Batch:
     `seen` are the generated images before any augmentation.
     """
 
-    def __init__(
-        self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor, seen: Tensor
-    ) -> None:
+    def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor, seen: Tensor) -> None:
         self.panel, self.real, self.fake, self.head, self.rows, self.seen = panel, real, fake, head, rows, seen
         self.real_logits = torch.empty(0)
 
