@@ -1,4 +1,4 @@
-"""Matching: real images lose nothing, others are moved to the statistics of real ones, and a state that is stored goes on."""
+"""Matching: real images lose nothing, others are moved to the statistics of real ones; a stored state goes on."""
 
 from __future__ import annotations
 

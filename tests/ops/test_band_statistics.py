@@ -86,7 +86,7 @@ def z_squared(x: Tensor, y: Tensor) -> float:
 
 
 def test_photographs_tell_whose_relief_it_is() -> None:
-    """Coloured lamps at 60°: with relief exchanged between materials statistics differ, between two draws they do not."""
+    """Coloured lamps at 60°: with relief exchanged between materials statistics differ; of two draws they do not."""
     truth, others = correlated(80, 32, 0), correlated(80, 32, 1)
     exchanged = others.clone()
     exchanged[:, MAPS["normal"]] = others[:, MAPS["normal"]].roll(1, 0)

@@ -6,9 +6,9 @@ b has the fields
     b_c,  ∂_x b_c,  ∂_y b_c,  b_c²,  |∇ b_0|²          (4 C + 1)
 
 and statistics are, pooled over places, the logarithms of their variances and all of their correlations; those of the
-energies b_c², |∇ b_0|² with the bands and the energies of the next coarser level; and the means of the channels. Maps of
-a material that go together show in a photograph as such correlations, of brightness with the slope that a coloured lamp
-from one side makes, say, where no single field shows it.
+energies b_c², |∇ b_0|² with the bands and the energies of the next coarser level; and the means of the channels. Maps
+of a material that go together show in a photograph as such correlations, of brightness with the slope that a coloured
+lamp from one side makes, say, where no single field shows it.
 
 References:
     Portilla and Simoncelli, A parametric texture model based on joint statistics of wavelet coefficients, 2000.
