@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
-from ..ops.band_statistics import band_statistics
+from ..ops.band_statistics import SMALLEST, band_statistics
 
 CHUNK = 64
 LEAST = 1e-3
@@ -36,6 +36,7 @@ class Matching:
     Args:
         weight: of its gradient, where that of the panel's adversarial loss has 1.
         memory: share of the newest batch in the moving means.
+        every: updates of the generator between two with this loss, which is as many times as large then.
 
     Examples:
         >>> import torch, unproject as up
@@ -46,13 +47,21 @@ class Matching:
 
     weight: float = 0.5
     memory: float = 0.02
+    every: int = 2
 
     def __post_init__(self) -> None:
-        if not (self.weight > 0 and 0 < self.memory <= 1):
-            raise UserError(f"{self}: give a positive weight, and a memory above 0 and at most 1")
+        if not (self.weight > 0 and 0 < self.memory <= 1 and self.every >= 1):
+            raise UserError(f"{self}: give a positive weight, a memory above 0 and at most 1, and every 1 or more")
 
     def begin(self, real: Tensor) -> MatchingState:
-        """Return the state of a panel with these real images (N, C, H, W)."""
+        """Return the state of a panel with these real images (N, C, H, W).
+
+        Raises:
+            UserError: for what are no pictures, or smaller ones than 8 pixels a side.
+        """
+        if real.dim() != 4 or min(real.shape[2:]) < SMALLEST:
+            shape = "x".join(map(str, real.shape[1:]))
+            raise UserError(f"matching: needs pictures of {SMALLEST} pixels a side or more, not {shape}; leave it out")
         return MatchingState(self, real)
 
 
@@ -82,6 +91,15 @@ class MatchingState(nn.Module):
         self.register_buffer("second", torch.zeros_like(self.centre))
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))
         self.register_buffer("norm", torch.ones((), dtype=torch.float64))
+
+    @property
+    def weight(self) -> float:
+        """The weight of an update that has this loss."""
+        return self.settings.weight * self.settings.every
+
+    def due(self, step: int) -> bool:
+        """Whether the generator's update of this step has this loss."""
+        return step % self.settings.every == 0
 
     @property
     def gradient_norm(self) -> float:

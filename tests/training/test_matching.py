@@ -1,0 +1,73 @@
+"""Matching in a run: it reaches the generator, sees what is not augmented, and a run that is resumed goes on with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from comparing import differences, final
+from toy import SIZE, toy
+
+from unproject._types import UserError
+from unproject.adversarial import Augmentation, Matching, MatchingState
+from unproject.training import Recipe, resume, train
+from unproject.training.state import State
+
+CPU = torch.device("cpu")
+
+
+def matched(**settings: Any) -> Recipe:
+    return replace(toy(steps=8, views="known"), matching=Matching(**settings), checkpoint_every=3)
+
+
+def test_a_run_that_is_resumed_goes_on_with_its_moving_means(tmp_path: Path) -> None:
+    whole = train(matched(), tmp_path / "whole", quiet=True).path
+    part = train(replace(matched(), steps=5), tmp_path / "part", quiet=True).path
+    assert resume(part, matched(), steps=8, quiet=True).step == 8
+    assert not differences(part, whole)
+    tensors = final(whole)
+    for name in ("first", "second", "unit"):
+        assert tensors[f"panels/0/matching/{name}"].abs().max() > 0
+
+
+@pytest.mark.parametrize("every, updates", [(1, 8), (2, 4), (3, 3)])
+def test_it_is_part_of_every_so_many_updates(every: int, updates: int, tmp_path: Path) -> None:
+    tensors = final(train(matched(every=every), tmp_path / "run", quiet=True).path)
+    assert tensors["panels/0/matching/seen"].item() == updates
+
+
+def test_its_gradient_reaches_the_generator_and_nothing_else(tmp_path: Path) -> None:
+    runs = [replace(recipe, steps=1) for recipe in (toy(views="known"), matched(weight=1e-9), matched(weight=1e3))]
+    without, light, heavy = (final(train(r, tmp_path / str(k), quiet=True).path) for k, r in enumerate(runs))
+    for name, value in without.items():
+        if name.startswith(("discriminators/", "discriminator_optimiser/")):
+            assert torch.equal(heavy[name], value), name
+        elif name.startswith("generator_optimiser") and name.endswith("exp_avg") and value.any():  # the gradient
+            torch.testing.assert_close(light[name], value, rtol=1e-3, atol=1e-7)
+            assert not torch.allclose(heavy[name], value, rtol=0.1), name
+
+
+def test_it_sees_images_that_are_not_augmented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Added(Augmentation):
+        def __call__(self, images: torch.Tensor, rng: torch.Generator) -> torch.Tensor:
+            return images + 5
+
+    most, forward = [], MatchingState.forward
+
+    def noted(self: MatchingState, images: torch.Tensor) -> torch.Tensor:
+        most.append(images.max().item())
+        return forward(self, images)
+
+    monkeypatch.setattr(MatchingState, "forward", noted)
+    train(replace(matched(every=1), augmentation=Added()), tmp_path / "run", quiet=True)
+    assert len(most) == 8 and max(most) <= 1.0
+
+
+def test_volumes_and_small_pictures_are_refused() -> None:
+    for shape in ((4, SIZE, SIZE), (4, 1, 4, 4)):
+        with pytest.raises(UserError, match="needs pictures of 8 pixels a side or more"):
+            Matching().begin(torch.zeros(shape))
+    assert not any("matching" in name for name in State(toy(), CPU).tensors())
