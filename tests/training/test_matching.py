@@ -1,4 +1,4 @@
-"""Matching in a run: it reaches the generator, sees what is not augmented, and a run that is resumed goes on with it."""
+"""Matching in a run: it reaches the generator, sees what is not augmented, and a resumed run goes on with it."""
 
 from __future__ import annotations
 
