@@ -51,6 +51,7 @@ _HOME = {
     "Wasserstein": "unproject.adversarial.losses",
     "Hinge": "unproject.adversarial.losses",
     "Logistic": "unproject.adversarial.losses",
+    "Matching": "unproject.adversarial.matching",
     "Penalty": "unproject.adversarial.penalties",
     "R1R2": "unproject.adversarial.penalties",
     "GradientPenalty": "unproject.adversarial.penalties",
@@ -139,6 +140,7 @@ if TYPE_CHECKING:
     from .adversarial.losses import Loss as Loss
     from .adversarial.losses import Relativistic as Relativistic
     from .adversarial.losses import Wasserstein as Wasserstein
+    from .adversarial.matching import Matching as Matching
     from .adversarial.penalties import R1R2 as R1R2
     from .adversarial.penalties import GradientPenalty as GradientPenalty
     from .adversarial.penalties import Penalty as Penalty
