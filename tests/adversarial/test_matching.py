@@ -73,7 +73,7 @@ def test_a_stored_state_goes_on_as_it_would_have() -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [{"weight": 0.0}, {"weight": -1.0}, {"memory": 0.0}, {"memory": 1.5}, {"every": 0}]
+    "settings", [{"weight": 0.0}, {"weight": -1.0}, {"memory": 0.0}, {"memory": 1.5}, {"every": 0}, {"final": -1.0}]
 )
 def test_settings_out_of_range(settings: dict[str, float]) -> None:
     with pytest.raises(UserError, match="give a positive weight"):

@@ -15,6 +15,7 @@ References:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +35,8 @@ class Matching:
     """Match the statistics of bands; `begin` makes the state of one panel.
 
     Args:
-        weight: of its gradient, where that of the panel's adversarial loss has 1.
+        weight: of its gradient at the start, where that of the panel's adversarial loss has 1.
+        final: weight at the end, to which it falls linearly.
         memory: share of the newest batch in the moving means.
         every: updates of the generator between two with this loss, which is as many times as large then.
 
@@ -45,12 +47,13 @@ class Matching:
         True
     """
 
-    weight: float = 0.5
+    weight: float = 2.0
+    final: float = 0.5
     memory: float = 0.02
     every: int = 2
 
     def __post_init__(self) -> None:
-        if not (self.weight > 0 and 0 < self.memory <= 1 and self.every >= 1):
+        if not (0 < self.weight < math.inf and 0 <= self.final < math.inf and 0 < self.memory <= 1 and self.every >= 1):
             raise UserError(f"{self}: give a positive weight, a memory above 0 and at most 1, and every 1 or more")
 
     def begin(self, real: Tensor) -> MatchingState:
@@ -92,10 +95,10 @@ class MatchingState(nn.Module):
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))
         self.register_buffer("norm", torch.ones((), dtype=torch.float64))
 
-    @property
-    def weight(self) -> float:
-        """The weight of an update that has this loss."""
-        return self.settings.weight * self.settings.every
+    def weight_at(self, progress: float) -> float:
+        """Return the weight of an update that has this loss when `progress` of the budget is spent."""
+        weight, final = self.settings.weight, self.settings.final
+        return self.settings.every * (weight + (final - weight) * min(progress, 1.0))
 
     def due(self, step: int) -> bool:
         """Whether the generator's update of this step has this loss."""

@@ -70,7 +70,7 @@ def materials(
     photograph_weight: float = 3.0,
     natural_light_weight: float = NATURAL_LIGHT_WEIGHT,
     penalty_scale: float = PENALTY_SCALE,
-    matching: float = 0.5,
+    matching: float = 2.0,
     flips: bool = False,
     **options: Unpack[Options],
 ) -> Recipe:
@@ -100,7 +100,7 @@ def materials(
             should not be painted into the maps.
         penalty_scale: factor of gamma for photographs, of which a few hundred would otherwise be memorised.
         matching: weight of the statistics of the second order that images are to share with real ones (`Matching`),
-            where the discriminators' loss has 1; 0: none.
+            where the discriminators' loss has 1, at the start; it falls to a quarter. 0: none.
         flips: learn from mirror images too, of maps and of those photographs whose light allows it.
         options: fields of `Recipe`.
     """
@@ -117,7 +117,7 @@ def materials(
         panels=panels_of(source, views, observations or observations_of(data), (maps, renderings), light, weights),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
-        matching=Matching(matching) if matching else None,
+        matching=Matching(matching, matching / 4) if matching else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         balance_every=16,
