@@ -18,7 +18,7 @@ from unproject.studio import Studio
 from unproject.training.checkpoint import FORMAT
 
 ROOT = Path(__file__).parent.parent
-TUTORIAL = "docs/tomography.md"
+TUTORIAL = "docs/tutorials/lines.md"
 """Its Python writes the files of its commands."""
 FIT = "docs/fit.md"
 """Some of its Python opens the runs of its commands."""
