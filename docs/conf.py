@@ -32,6 +32,8 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_extra_path = ["_static/index.html"]  # leads from the site's root to docs/index.html
 html_copy_source = False
+html_use_index = False
+html_domain_indices = False
 html_show_sphinx = False
 templates_path: list[str] = []
 
@@ -58,7 +60,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "show_signature": False,
     "abort_on_example_error": True,
-    "min_reported_time": 1e9,
+    "write_computation_times": False,
     "within_subsection_order": "FileNameSortKey",
     "copyfile_regex": r"^$",
 }

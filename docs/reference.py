@@ -1,5 +1,6 @@
-"""The API reference: one page for each submodule with every name of its `__all__`, written when the site is built.
+"""The reference: a page for each submodule with every name of its `__all__`, and one of the command line's `--help`.
 
+All of it is written when the site is built.
 An object is documented once, under the name that users type: `unproject.Panel`, not `unproject.assignment.panel.Panel`.
 """
 
@@ -8,8 +9,10 @@ from __future__ import annotations
 import inspect
 import re
 import sys
+from contextlib import redirect_stdout, suppress
 from functools import cache
 from importlib import import_module
+from io import StringIO
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,6 +24,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.pycode import ModuleAnalyzer
 
 import unproject
+from unproject.cli import VERBS, main
 
 MODULES = ("training", *unproject._SUBMODULES)
 TYPES = {
@@ -106,6 +110,21 @@ def first_page() -> str:
     return "\n".join([*parts, heading("Names of unproject", "-"), table + "\n", *own])
 
 
+def command_line() -> str:
+    commands = [[], *([verb] for verb in VERBS), *(["train", recipe] for recipe in ("shapes", "digits", "wood"))]
+    parts = [heading("The command line"), "What ``unproject VERB --help`` prints; `usage <../usage.html>`_ is the tour.\n"]
+    for words in commands:
+        text = "\n".join("   " + line for line in help_of(words).splitlines())
+        parts.append(heading(" ".join(["unproject", *words]), "-") + f"\n.. code-block:: text\n\n{text}\n")
+    return "\n".join(parts)
+
+
+def help_of(words: list[str]) -> str:
+    with redirect_stdout(StringIO()) as printed, suppress(SystemExit):
+        main([*words, "--help"])
+    return printed.getvalue()
+
+
 def first_line(module: str) -> str:
     return (import_module(f"unproject.{module}").__doc__ or "").partition("\n")[0]
 
@@ -131,7 +150,7 @@ def escape(app: Sphinx, what: str, name: str, part: Any, options: Any, lines: li
 def write(app: Sphinx) -> None:
     folder = Path(app.srcdir) / "docs" / "api"
     folder.mkdir(exist_ok=True)
-    pages = {"index": first_page(), **{module: page(module) for module in MODULES}}
+    pages = {"index": first_page(), "command-line": command_line(), **{module: page(module) for module in MODULES}}
     for name, text in pages.items():
         path = folder / f"{name}.rst"
         if not path.exists() or path.read_text(encoding="utf-8") != text:
