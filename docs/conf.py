@@ -35,6 +35,7 @@ html_copy_source = False
 html_use_index = False
 html_domain_indices = False
 html_show_sphinx = False
+html_show_copyright = False
 templates_path: list[str] = []
 
 myst_heading_anchors = 4
@@ -45,6 +46,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
+napoleon_custom_sections = [("Class attributes", "params_style")]
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!unproject\.).*"),  # other packages' names: their sites are not asked while this one is built
@@ -56,6 +58,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"\.py$",
     "image_scrapers": (pictures.Written(),),
     "reset_modules": (),
+    "capture_repr": (),
     "download_all_examples": False,
     "show_memory": False,
     "show_signature": False,

@@ -104,15 +104,25 @@ def first_page() -> str:
     table = ".. list-table::\n   :widths: 30 70\n\n   " + "\n   ".join(names)
     toctree = ".. toctree::\n   :hidden:\n\n" + "".join(f"   {module}\n" for module in MODULES)
     modules = [f"- :doc:`unproject.{module} <{module}>`: {first_line(module)}" for module in MODULES]
-    intro = ".. py:module:: unproject\n\nEvery public name, from the docstrings. ``import unproject as up`` gives the names of the second table.\n"
+    intro = "Every public name, from the docstrings; ``import unproject as up`` gives those of the table.\n"
     own = [directive(f"unproject.{name}") for name in unproject._HOME if not home(name)]
-    parts = [heading("API reference"), intro, toctree, heading("By submodule", "-"), "\n".join(modules) + "\n"]
+    parts = [
+        heading("API reference"),
+        ".. py:module:: unproject\n",
+        intro,
+        toctree,
+        heading("By submodule", "-"),
+        "\n".join(modules) + "\n",
+    ]
     return "\n".join([*parts, heading("Names of unproject", "-"), table + "\n", *own])
 
 
 def command_line() -> str:
     commands = [[], *([verb] for verb in VERBS), *(["train", recipe] for recipe in ("shapes", "digits", "wood"))]
-    parts = [heading("The command line"), "What ``unproject VERB --help`` prints; `usage <../usage.html>`_ is the tour.\n"]
+    parts = [
+        heading("The command line"),
+        "What ``unproject VERB --help`` prints; `usage <../usage.html>`_ is a tour.\n",
+    ]
     for words in commands:
         text = "\n".join("   " + line for line in help_of(words).splitlines())
         parts.append(heading(" ".join(["unproject", *words]), "-") + f"\n.. code-block:: text\n\n{text}\n")
@@ -141,6 +151,8 @@ def escaped(line: str) -> str:
 
 def escape(app: Sphinx, what: str, name: str, part: Any, options: Any, lines: list[str]) -> None:
     """Escape a docstring's lines, but for those of examples."""
+    if what in ("attribute", "property"):
+        lines.insert(0, "")  # else Napoleon takes what stands before a colon in the first line for a type
     example = False
     for number, line in enumerate(lines):
         example = bool(line.strip()) and (example or line.lstrip().startswith(">>>"))

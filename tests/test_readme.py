@@ -1,4 +1,4 @@
-"""What the README, the guides and the tutorials tell people to type works: Python and commands, with smaller budgets."""
+"""What the README, guides and tutorials tell people to type works: Python and commands, with smaller budgets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PAGES = {
     "docs/tutorials/cluster.md": {"data", "train", "resume"},
 }
 """Page → verbs that it has commands of."""
-OTHERS = ("docs/how.md", "docs/pictures.md", "docs/results.md", "docs/conventions.md", "docs/compared.md", "CONTRIBUTING.md")
+OTHERS = ("docs/how.md", "docs/results.md", "docs/conventions.md", "CONTRIBUTING.md")
 FRAGMENTS = ("README.md", "docs/usage.md")
 """Pages whose Python is not what their commands need; that of the README has a test of its own."""
 

@@ -2,8 +2,8 @@
 Radiographs: an operator of your own
 ====================================
 
-The light that a volume lets through, as a detector behind it would measure X-rays: a forward operator of four lines, with
-which `the tutorial <../tutorials/operator.html>`_ trains.
+The light that a volume lets through, as a detector behind it would measure X-rays: a forward operator of four lines,
+with which `the tutorial <../tutorials/operator.html>`_ trains.
 """
 
 import math

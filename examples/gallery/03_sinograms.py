@@ -2,8 +2,8 @@
 Line integrals of digits
 ========================
 
-Each digit above its sinogram: a column is one line of 32 detectors, at angles from 0 to 180°. ``unproject train digits``
-learns images from single columns.
+Each digit above its sinogram: a column is one line of 32 detectors, at angles from 0 to 180°.
+``unproject train digits`` learns images from single columns.
 """
 
 import math

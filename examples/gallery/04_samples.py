@@ -11,7 +11,7 @@ from pathlib import Path
 import unproject as up
 from unproject.cli import main
 
-COMMAND = "unproject export runs/example-chairs --to png --n 3 --seed 1 --out runs/samples.png"
+COMMAND = "unproject export runs/example-chairs --to png --n 2 --seed 1 --out runs/samples.png"
 
 up.sharing.put_example("chairs", Path("runs"))
 main(COMMAND.split()[1:])

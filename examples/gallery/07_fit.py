@@ -2,8 +2,9 @@
 The shape behind a silhouette
 =============================
 
-One silhouette of a chair that the example run has never seen, at an azimuth that is not told; then two shapes whose silhouettes
-come near it. Views are known up to a mirror image only (`conventions <../conventions.html>`_).
+One silhouette of a chair that the example run has never seen, at an azimuth that is not told, with the best shape's
+silhouette; then the chair itself and two shapes whose silhouettes come near it. Views are known up to a mirror image
+only (`conventions <../conventions.html>`_).
 """
 
 import torch
