@@ -22,7 +22,7 @@ from ..metrics import Finding, Score
 from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
-from .assigned import Assigned
+from .assigned import Assigned, smallest
 from .context import Context
 from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
@@ -43,8 +43,8 @@ class Assignment(ABC):
         ...         first = torch.zeros(len(panel), dtype=torch.long)
         ...         return up.AssignmentState(panel, first, first.clone())
         >>> itself, volumes = up.Observation("itself", up.Identity()), up.Collection(up.data.chairs(3, 16))
-        >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views
-        tensor([0, 0, 0])
+        >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views.tolist()
+        [0, 0, 0]
     """
 
     projected_at_once: ClassVar[int] = 0
@@ -200,16 +200,17 @@ class AssignmentState(Assigned):
     fixes_gauge: bool = False
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor) -> None:
-        super().__init__(views, heads, len(panel.observations), panel.assignment.heads(panel))
+        head_count = panel.assignment.heads(panel)
+        super().__init__(views, heads, len(panel.observations), head_count)
         self.panel = panel
         if panel.held_out is not None:
-            self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=torch.long))
+            self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=smallest(head_count)))
         self.learned = LearnedLatents(panel.learned) if panel.learned else None
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""
         # Gradients are off where only discriminators are updated.
-        return self.observe(x, self.views[rows], rng)
+        return self.observe(x, self.views[rows].long(), rng)
 
     def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of x (B, ...) in `views` (B,), with what is learned of their latents."""
@@ -248,7 +249,7 @@ class AssignmentState(Assigned):
         return 0.0
 
     def estimates(self) -> Tensor | None:
-        """Return (N,) the view that was estimated for each image; None if none was."""
+        """Return (N,) the view that was estimated for each image, -1 of one that was not; None if none was."""
         return None
 
     def view_probabilities(self) -> Tensor | None:
@@ -269,7 +270,7 @@ class AssignmentState(Assigned):
 
     def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
         """Draw n views as frequent as those of the data."""
-        return self.views[torch.randint(len(self.views), (n,), generator=rng)]
+        return self.views[torch.randint(len(self.views), (n,), generator=rng)].long()
 
 
 @dataclass(frozen=True)

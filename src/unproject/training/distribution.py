@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import atexit
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import torch
 import torch.distributed as dist
@@ -70,6 +70,15 @@ class Distribution:
             values = tensor.detach().contiguous()
             dist.broadcast(values, src=0)
             tensor.data.copy_(values)
+
+    def joined(self, part: Tensor, lengths: Sequence[int]) -> Tensor:
+        """Return the parts of all processes, (lengths[rank], ...) each, one after another."""
+        if self.world == 1:
+            return part
+        parts = part.new_zeros(len(lengths), max(lengths), *part.shape[1:])
+        parts[self.rank, : len(part)] = part
+        dist.all_reduce(parts)  # a sum with zeros: parts may be of different lengths, which gloo does not gather
+        return torch.cat([found[:length] for found, length in zip(parts, lengths, strict=True)])
 
     def agree(self, flag: bool) -> bool:
         """Return whether the flag is set in any process."""

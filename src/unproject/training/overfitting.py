@@ -24,7 +24,7 @@ def held_out_logits(
     rows = batch_rows(len(held_out), recipe.batch, seed, draw, ranks.rank, ranks.world)
     rng = generator_at(recipe.seed, draw, f"held-out augmentation/{index}/{ranks.rank}")
     images = panel.augmentation(held_out.batch(rows).to(ranks.device), rng)
-    return panel.discriminator(images, panel.assignment.held_out_heads[rows].to(ranks.device))
+    return panel.discriminator(images, panel.assignment.held_out_heads[rows].long().to(ranks.device))
 
 
 def adapt(

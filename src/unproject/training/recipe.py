@@ -186,6 +186,13 @@ class Recipe:
         by_time = seconds / (60 * self.minutes) if self.minutes else 0.0
         return max(by_step, by_time)
 
+    def steps_until(self, progress: float, step: int, seconds: float) -> int:
+        """Return how many steps are left, at `step`, to this part of the budget: with minutes, by the steps so far."""
+        left = [progress * self.steps - step] if self.steps else []
+        if self.minutes and seconds:
+            left.append((60 * self.minutes * progress - seconds) * step / seconds)
+        return max(math.ceil(min(left, default=0.0)), 1)
+
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed."""
         if "origin" not in changes:

@@ -10,7 +10,7 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..networks import Generator
 from . import checkpoint
 from .balancing import balanced_loss
 from .choosing import choose
@@ -28,6 +27,7 @@ from .overfitting import adapt, held_out_logits
 from .recipe import Recipe
 from .recorder import Recorder
 from .state import PanelState, State, latents_rng
+from .training_context import TrainingContext
 
 SLOW = 10.0  # seconds of a step from which on a stop request is obeyed within it
 
@@ -130,7 +130,7 @@ class Trainer:
         if panel.augmentation is not None:
             rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
             real, fake = panel.augmentation(real, rng), panel.augmentation(fake, rng)
-        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device), rows)
+        return Batch(panel, real, fake, panel.assignment.heads[rows].long().to(fake.device), rows)
 
     def _update_discriminators(self, batches: list[Batch], draw: int, progress: float) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
@@ -263,38 +263,6 @@ class Trainer:
             (state.discriminator_optimiser, recipe.discriminator_optimiser),
         ):
             optimiser.param_groups[0]["lr"] = settings.rate_at(progress) * state.counters.rate_scale
-
-
-class TrainingContext:
-    """What the trainer offers an assignment before a step: `assignment.Context`."""
-
-    def __init__(self, trainer: Trainer, progress: float, panel: int) -> None:
-        self._trainer, self.progress, self._panel = trainer, progress, panel
-        self.stopping, self.restart = trainer.stopping, trainer.restart
-        self.subtask = trainer.recorder.subtask
-
-    @property
-    def step(self) -> int:
-        return self._trainer.state.counters.step
-
-    @property
-    def generator(self) -> Generator:
-        return self._trainer.state.average
-
-    @property
-    def device(self) -> torch.device:
-        return self._trainer.state.device
-
-    def save(self) -> None:
-        self._trainer.saved_at = None
-        self._trainer.save()
-
-    def record(self, **fields: Any) -> None:
-        panel = {"panel": self._panel} if self._panel else {}
-        self._trainer.record(**fields, **panel)
-
-    def synchronise(self, tensors: Iterable[Tensor]) -> None:
-        self._trainer.distribution.copy_from_leader(tensors)
 
 
 class Batch:
