@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
+from .._random import rows_of_all, shared_draws
 from .._types import UserError
 from ..data import Collection
 from ..metrics import Finding, Score
@@ -169,12 +170,18 @@ class Panel:
         """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection.
 
         Args:
+            x: (B, ...).
+            views: (B,); or those of the whole batch, if `rng` is that of one process among several.
+            rng: the source of draws.
             learned: draws those latents whose distribution is learned, in place of the priors.
         """
+        source, count, own = shared_draws(rng, len(x))
+        if len(views) != count:  # views of this process's part alone
+            source, own = rng, slice(0, len(x))
         priors = [observation.prior for observation in self.observations]
-        theta = sample_each(priors, views, rng) if priors[0].names else {}
-        theta |= learned.draw(len(x), rng) if learned else {}
-        return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
+        theta = sample_each(priors, views, source) if priors[0].names else {}
+        theta |= learned.draw(len(views), source) if learned else {}
+        return self.projection(x, **{name: value[own].to(x) for name, value in theta.items()})
 
 
 class AssignmentState(Assigned):
@@ -210,7 +217,7 @@ class AssignmentState(Assigned):
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""
         # Gradients are off where only discriminators are updated.
-        return self.observe(x, self.views[rows].long(), rng)
+        return self.observe(x, self.views[rows_of_all(rng, rows)].long(), rng)
 
     def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of x (B, ...) in `views` (B,), with what is learned of their latents."""

@@ -15,6 +15,7 @@ import torch
 import torch.distributed as dist
 from torch import Tensor, nn
 
+from .._random import part_at
 from .._types import UserError
 
 
@@ -41,6 +42,14 @@ class Distribution:
     def leads(self) -> bool:
         """Whether this is the process that writes files."""
         return self.rank == 0
+
+    def own(self, whole: Tensor) -> Tensor:
+        """Return this process's part of what belongs to the batches of all."""
+        return whole.chunk(self.world)[self.rank]
+
+    def part(self, seed: int, step: int, stream: str, rows: Tensor | None = None) -> torch.Generator:
+        """Return the source of this process's draws (`_random.Part`); `rows` are those of the batches of all."""
+        return part_at(seed, step, stream, self.rank, self.world, rows)
 
     def average_gradients(self, module: nn.Module) -> None:
         """Replace each gradient by its mean over the processes."""

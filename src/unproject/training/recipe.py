@@ -101,7 +101,7 @@ class Recipe:
         discriminator_optimiser: Adam's settings for the discriminators.
         regulariser: (x, progress) → a term of the generator's loss, such as `Solid()`; several as `Regularisers`.
         discriminator_steps: discriminator updates a generator update.
-        batch: images an update.
+        batch: images an update, of each process.
         views_per_sample: projections of each generated sample in an update, which takes batch / views_per_sample
             samples.
         balance_every: steps between two measurements of the norm of the gradient of each panel's loss by the generator;
@@ -179,6 +179,11 @@ class Recipe:
             )
         if self.steps is None and self.minutes is None:
             raise UserError("the recipe has no budget: give steps or minutes")
+
+    @property
+    def samples(self) -> int:
+        """Samples that are generated for an update."""
+        return self.batch // self.views_per_sample
 
     def progress(self, step: int, seconds: float) -> float:
         """Return the part of the budget that is spent, 0 to 1."""

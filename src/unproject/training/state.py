@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Adam as TorchAdam
 
-from .._random import derived_seed, generator_at, seeded
+from .._random import derived_seed, seeded
 from .._types import UserError
 from ..adversarial.augmentation import AugmentationState
 from ..assignment import AssignmentState, Panel
@@ -80,9 +80,9 @@ class PanelState:
             **(self.augmentation.log() if self.augmentation else {}),
         }
 
-    def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
-        """Return the rows of the `draw`-th batch of real images."""
-        return batch_rows(len(self.panel), batch, seed, draw, rank, world)
+    def rows(self, batch: int, seed: int, draw: int) -> Tensor:
+        """Return the rows of the `draw`-th batch of real images, of all processes."""
+        return batch_rows(len(self.panel), batch, seed, draw)
 
 
 class State:
@@ -247,11 +247,6 @@ def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> N
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
         raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it is of another run or another version")
     module.load_state_dict(own)
-
-
-def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
-    """Return the generator of the latents drawn by one panel at one update."""
-    return generator_at(seed, draw, f"latents/{panel}/{rank}")
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
