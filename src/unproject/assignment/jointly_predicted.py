@@ -128,6 +128,7 @@ class JointlyPredictedState(PredictedState):
 
     def update(self, average_gradients: Callable[[torch.nn.Module], None]) -> None:
         average_gradients(self.trained)
+        self.of_fakes.copy_(_averaged(self.of_fakes, average_gradients))  # else w would differ between processes
         self.online.step()
         self.online.zero_grad()
         with torch.no_grad():
@@ -166,3 +167,12 @@ class JointlyPredictedState(PredictedState):
             "view_information": round(float(self.of_fakes), 4),
             "view_information_of_data": round(float(self.of_data), 4),
         }
+
+
+def _averaged(value: Tensor, average_gradients: Callable[[torch.nn.Module], None]) -> Tensor:
+    """Return the mean of a number over the processes, which average gradients."""
+    holder = torch.nn.ParameterList([torch.nn.Parameter(torch.zeros_like(value))])
+    holder[0].grad = value.clone()
+    average_gradients(holder)
+    assert holder[0].grad is not None
+    return holder[0].grad

@@ -35,6 +35,9 @@ class Distribution:
         if device not in ("cpu", "cuda"):
             raise UserError(f"device {device!r}: choose auto, cpu or cuda")
         self.device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if device == "cuda" else "cpu")
+        if self.device.type == "cuda" and (self.device.index or 0) >= torch.cuda.device_count():
+            there = torch.cuda.device_count()
+            raise UserError(f"{self.device}: {there} CUDA devices are there; start as many processes")
         if self.world > 1 and not dist.is_initialized():
             _join(self.device)
 

@@ -20,6 +20,7 @@ from ..data.sampling import batch_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
 from .recipe import Adam, Recipe
+from .shared_statistics import share_statistics
 
 LEVEL = math.radians(6)
 """Cameras count as level if the mean and the spread of their elevation are less together."""
@@ -104,9 +105,11 @@ class State:
     def _build_networks(self, recipe: Recipe) -> None:
         """Build generator and discriminators with new weights and optimisers."""
         self.generator = recipe.generator().to(self.device)
+        share_statistics(self.generator)
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
         built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
+        share_statistics(self.discriminators)
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
@@ -238,7 +241,10 @@ def begin_assignments(recipe: Recipe, seed: int | None = None) -> list[Assignmen
     """Begin the assignment of each panel, with the recipe's seed or another."""
     seed = recipe.seed if seed is None else seed
     seeds = [seed if i == 0 else derived_seed(seed, i, "panel") for i in range(len(recipe.panels))]
-    return [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+    begun = [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+    for state in begun:
+        share_statistics(state)
+    return begun
 
 
 def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> None:
