@@ -97,7 +97,7 @@ def test_two_batches_of_b_are_one_of_2b(tmp_path: Path) -> None:
     assert [done.returncode for done in (whole, halves, mutant)] == [0, 0, 0], halves.stderr
     equal, broken = (differences(tmp_path / "whole", tmp_path / name) for name in ("halves", "mutant"))
     assert len(equal) == 5 and max(equal.values()) < TOLERANCE, equal
-    assert min(broken.values()) > TOLERANCE, broken
+    assert max(broken.values()) > 10 * TOLERANCE, broken
 
 
 @pytest.mark.slow

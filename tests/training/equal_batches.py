@@ -44,7 +44,7 @@ def recipes(batch: int) -> dict[str, Recipe]:
         "single": toy(**plain, views="single").replace(augmentation=Sometimes(Affine(), 0.3)),
         "predicted": toy(**plain, draw="posterior"),
         "elevation": elevation(toy(**plain)),
-        "held-out": held_out(toy(**plain)),
+        "held-out": held_out(toy(**plain, views="single")),
     }
 
 
