@@ -72,7 +72,7 @@ class Distribution:
     def _mean(self, values: Tensor) -> Tensor:
         # A sum and a division: gloo has no mean.
         dist.all_reduce(values)
-        return values / self.world
+        return values.div_(self.world)
 
     def copy_from_leader(self, tensors: Iterable[Tensor]) -> None:
         """Overwrite each tensor by the leading process's."""

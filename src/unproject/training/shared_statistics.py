@@ -1,11 +1,13 @@
 """Batch normalisation over the batches of all processes, so that `world` batches of b count as one of world · b.
 
-With m and s the mean and the mean square of a channel in the batch of a process,
+With x̂ = (x - μ) / σ, the means μ and E over all elements of a channel in all processes, and g the gradient by x̂,
 
-    μ = mean over processes of m,    σ² = mean over processes of s - μ²
+    y = w x̂ + c,    ∂L/∂x = (g - E[g] - x̂ E[g x̂]) / σ
 
-both differentiable: m and s of each process have a part 1 / world in the loss of every other one.
-What torch calls SyncBatchNorm is for CUDA alone.
+Each direction takes one sum over the processes. What torch calls SyncBatchNorm is for CUDA alone.
+
+References:
+    Ioffe & Szegedy 2015, Batch Normalization.
 """
 
 from __future__ import annotations
@@ -14,26 +16,42 @@ from typing import Any
 
 import torch
 import torch.distributed as dist
+import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.nn.modules.batchnorm import _BatchNorm
 
 
-class MeanOverProcesses(torch.autograd.Function):
-    """The mean of a tensor over the processes; its gradient is the mean of theirs."""
+class SharedNorm(torch.autograd.Function):
+    """x (B, C, ...) → x̂, and the mean and the variance of each channel, (C,)."""
 
     @staticmethod
-    def forward(ctx: Any, values: Tensor) -> Tensor:
-        return _mean(values)
+    def forward(ctx: Any, x: Tensor, eps: float) -> tuple[Tensor, Tensor, Tensor]:
+        variance, mean = torch.var_mean(x, axes_of(x), correction=0)
+        mean, square = mean_over_processes(torch.stack([mean, variance + mean.square()]))
+        variance = (square - mean.square()).clamp_min(0.0)
+        y = F.batch_norm(x, mean, variance, eps=eps)
+        ctx.save_for_backward(y, (variance + eps).rsqrt())
+        ctx.mark_non_differentiable(mean, variance)
+        return y, mean, variance
 
     @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        return _mean(gradient)
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        (y, scale), g = ctx.saved_tensors, gradients[0]
+        axes, shape = axes_of(g), (1, -1, *[1] * (g.dim() - 2))
+        means = mean_over_processes(torch.stack([g.mean(axes), (g * y).mean(axes)]))
+        of_g, of_product = (value.view(shape) for value in means)
+        return (g - of_g).addcmul_(y, of_product, value=-1).mul_(scale.view(shape)), None
 
 
-def _mean(values: Tensor) -> Tensor:
-    total = values.contiguous().clone()
-    dist.all_reduce(total)
-    return total / dist.get_world_size()
+def axes_of(x: Tensor) -> list[int]:
+    """Return all axes but that of the channels."""
+    return [axis for axis in range(x.dim()) if axis != 1]
+
+
+def mean_over_processes(values: Tensor) -> Tensor:
+    """Return the mean of a tensor over the processes, in its place."""
+    dist.all_reduce(values)
+    return values.div_(dist.get_world_size())
 
 
 def share_statistics(module: nn.Module) -> nn.Module:
@@ -53,14 +71,12 @@ class SharedStatistics(_BatchNorm):
     def forward(self, input: Tensor) -> Tensor:
         if not self.training:
             return super().forward(input)
-        axes = [axis for axis in range(input.dim()) if axis != 1]
-        moments = torch.stack([input.mean(axes), input.square().mean(axes)])
-        mean, square = MeanOverProcesses.apply(moments)
-        variance = (square - mean.square()).clamp_min(0.0)
-        self._remember(mean.detach(), variance.detach(), input.numel() // input.shape[1] * dist.get_world_size())
+        y, mean, variance = SharedNorm.apply(input, self.eps)  # pyright: ignore[reportGeneralTypeIssues]
+        self._remember(mean, variance, input.numel() // input.shape[1] * dist.get_world_size())
+        if self.weight is None:
+            return y
         shape = (1, -1, *[1] * (input.dim() - 2))
-        y = (input - mean.view(shape)) * (variance + self.eps).rsqrt().view(shape)
-        return y if self.weight is None else y * self.weight.view(shape) + self.bias.view(shape)
+        return torch.addcmul(self.bias.view(shape), y, self.weight.view(shape))
 
     @torch.no_grad()
     def _remember(self, mean: Tensor, variance: Tensor, count: int) -> None:
