@@ -10,6 +10,9 @@ w the seconds that a collective operation waits for the network,
 
     samples a second = 2 b / (c_2 + w)  against  b / c_1
 
+Two processes that know nothing of each other are measured too: where they need more CPU seconds than one alone, the
+cores share what they compute with (caches, memory, the units of a core), which no program changes.
+
 Bytes and operations are counted where torch.distributed is called.
 """
 
@@ -83,24 +86,30 @@ def steps(count: int, size: int, channels: int, batch: int) -> dict[str, float]:
     return {**dict(zip(names, medians, strict=True)), "batch": batch, **weights}
 
 
-def in_processes(world: int, flags: list[str]) -> dict[str, float]:
-    agent = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(world)] if world > 1 else []
+def in_processes(arm: str, flags: list[str]) -> dict[str, float]:
+    """Return what the first process of an arm finds: "one", "two", or "apart", two that know nothing of each other."""
+    agent = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"] if arm == "two" else []
     command = [sys.executable, *agent, str(HERE), "--steps-of", *flags]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
-    return json.loads(said.splitlines()[-1])
+    started = [
+        subprocess.Popen(command, env=environment, stdout=-1, stderr=-1, text=True) for _ in range(1 + (arm == "apart"))
+    ]
+    said = [process.communicate()[0] for process in started]
+    return json.loads(said[0].splitlines()[-1])
 
 
 def measured(turns: int, flags: list[str]) -> dict[str, Any]:
     """Return each arm's medians of turns, and the ratios of samples a second: by the clock, and by CPU seconds."""
-    found: dict[int, list[dict[str, float]]] = {1: [], 2: []}
+    found: dict[str, list[dict[str, float]]] = {"one": [], "apart": [], "two": []}
     for _ in range(turns):
-        for world, rows in found.items():
-            rows.append(in_processes(world, flags))
-    one, two = ({k: statistics.median(row[k] for row in rows) for k in rows[0]} for rows in found.values())
+        for arm, rows in found.items():
+            rows.append(in_processes(arm, flags))
+    one, apart, two = ({k: statistics.median(row[k] for row in rows) for k in rows[0]} for rows in found.values())
     return {
         "one": one,
+        "two_apart": {name: apart[name] for name in ("seconds", "cpu_seconds")},
         "two": two,
+        "samples_a_second_by_cpu_seconds_of_two_apart": 2 * apart["cpu_seconds"] / two["cpu_seconds"],
         "samples_a_second_by_clock": 2 * one["seconds"] / two["seconds"],
         "samples_a_cpu_second_of_each": one["cpu_seconds"] / two["cpu_seconds"],
         "samples_a_second_by_cpu_seconds": 2 * one["cpu_seconds"] / two["cpu_seconds"],
