@@ -28,7 +28,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 import torch.distributed as dist
@@ -66,11 +66,13 @@ class Counter:
         return [self.operations, self.bytes, self.seconds, self.cpu]
 
 
-def steps(count: int, size: int, channels: int, batch: int) -> dict[str, float]:
+def steps(count: int, size: int, channels: int, batch: int, over: Literal["processes"] | None) -> dict[str, float]:
     """Return medians of a step: seconds, CPU seconds, and what is sent; as one of `world` processes."""
     torch.set_num_threads(1)
     counter = Counter()
-    recipe = shapes(views="known", size=size, channels=channels, views_per_shape=4, steps=10_000, batch=batch)
+    recipe = shapes(
+        views="known", size=size, channels=channels, views_per_shape=4, steps=10_000, batch=batch, normalise_over=over
+    )
     with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder), quiet=True, leads=False) as recorder:
         one = Trainer(recipe, Path(folder), recorder, distribution=Distribution("cpu"))
         rows = []
@@ -127,15 +129,17 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=32, help="voxels a side")
     parser.add_argument("--channels", type=int, default=128)
     parser.add_argument("--batch", type=int, default=48)
+    parser.add_argument("--normalise-over", choices=["processes"], help="as the flag of `unproject train`")
     parser.add_argument("--turns", type=int, default=2)
     parser.add_argument("--steps-of", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.steps_of:
-        found = steps(given.steps, given.size, given.channels, given.batch)
+        found = steps(given.steps, given.size, given.channels, given.batch, given.normalise_over)
         if os.environ.get("RANK", "0") == "0":
             print(json.dumps(found))
         return
     flags = [f"--{name}={getattr(given, name)}" for name in ("steps", "size", "channels", "batch")]
+    flags += ["--normalise-over=processes"] if given.normalise_over else []
     print(json.dumps(measured(given.turns, flags), indent=1))
 
 

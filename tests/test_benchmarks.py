@@ -225,4 +225,4 @@ def test_what_processes_send_is_counted(named: object, monkeypatch: pytest.Monke
     processes.dist.broadcast(torch.ones(2, dtype=torch.int8))
     assert counter.read()[:2] == [2, 14]
     monkeypatch.setattr(processes, "WARM", 0)
-    assert processes.steps(1, 16, 8, 8)["cpu_seconds"] > 0
+    assert processes.steps(1, 16, 8, 8, None)["cpu_seconds"] > 0

@@ -42,8 +42,8 @@ def recipes(batch: int) -> dict[str, Recipe]:
     return {
         "known": toy(**plain, views="known", discriminator_steps=2).replace(penalty=GradientPenalty(10.0)),
         "single": toy(**plain, views="single").replace(augmentation=Sometimes(Affine(), 0.3)),
-        "predicted": toy(**plain, draw="posterior"),
-        "elevation": elevation(toy(**plain)),
+        "predicted": toy(**plain, draw="posterior", starts=(0.35,)),
+        "elevation": elevation(toy(**plain, views="single")),
         "held-out": held_out(toy(**plain, views="single")),
     }
 
@@ -58,7 +58,7 @@ def main(folder: Path, batch: int, mutant: bool) -> None:
     if mutant:
         Distribution.part = alone  # type: ignore[method-assign]
     for name, recipe in recipes(batch).items():
-        train(replace(recipe, origin=None), folder / name, device="cpu", quiet=True)
+        train(replace(recipe, origin=None, normalise_over="processes"), folder / name, device="cpu", quiet=True)
 
 
 if __name__ == "__main__":

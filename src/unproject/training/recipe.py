@@ -83,6 +83,7 @@ class Options(TypedDict, total=False):
     precision: Literal["float32", "bfloat16"]
     compile: bool
     checkpoint_every: int
+    normalise_over: Literal["processes"] | None
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,8 @@ class Recipe:
         precision: bfloat16 runs the networks under autocast.
         compile: compile the generator with torch.compile.
         checkpoint_every: steps between checkpoints (and sample pictures).
+        normalise_over: processes takes statistics of batch normalisation over the batches of all processes, so that
+            equal batches of all have equal results (default: over each process's own batch, which is faster).
         tries: several short starts, of which the best goes on (default: one start).
 
     Raises:
@@ -148,6 +151,7 @@ class Recipe:
     precision: Literal["float32", "bfloat16"] = "float32"
     compile: bool = False
     checkpoint_every: int = 500
+    normalise_over: Literal["processes"] | None = field(default=None, metadata={"described": "if given"})
     tries: Tries | None = field(default=None, metadata={"described": "if given"})
     origin: Origin | None = field(default=None, compare=False, repr=False, metadata={"described": False})
 

@@ -105,11 +105,13 @@ class State:
     def _build_networks(self, recipe: Recipe) -> None:
         """Build generator and discriminators with new weights and optimisers."""
         self.generator = recipe.generator().to(self.device)
-        share_statistics(self.generator)
+        if recipe.normalise_over == "processes":
+            share_statistics(self.generator)
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
         built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
-        share_statistics(self.discriminators)
+        if recipe.normalise_over == "processes":
+            share_statistics(self.discriminators)
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
@@ -242,8 +244,9 @@ def begin_assignments(recipe: Recipe, seed: int | None = None) -> list[Assignmen
     seed = recipe.seed if seed is None else seed
     seeds = [seed if i == 0 else derived_seed(seed, i, "panel") for i in range(len(recipe.panels))]
     begun = [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
-    for state in begun:
-        share_statistics(state)
+    if recipe.normalise_over == "processes":
+        for state in begun:
+            share_statistics(state)
     return begun
 
 
