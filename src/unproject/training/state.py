@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Adam as TorchAdam
 
-from .._random import derived_seed, generator_at, seeded
+from .._random import derived_seed, seeded
 from .._types import UserError
 from ..adversarial.augmentation import AugmentationState
 from ..assignment import AssignmentState, Panel
@@ -20,6 +20,7 @@ from ..data.sampling import batch_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
 from .recipe import Adam, Recipe
+from .shared_statistics import share_statistics
 
 LEVEL = math.radians(6)
 """Cameras count as level if the mean and the spread of their elevation are less together."""
@@ -80,9 +81,9 @@ class PanelState:
             **(self.augmentation.log() if self.augmentation else {}),
         }
 
-    def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
-        """Return the rows of the `draw`-th batch of real images."""
-        return batch_rows(len(self.panel), batch, seed, draw, rank, world)
+    def rows(self, batch: int, seed: int, draw: int) -> Tensor:
+        """Return the rows of the `draw`-th batch of real images, of all processes."""
+        return batch_rows(len(self.panel), batch, seed, draw)
 
 
 class State:
@@ -104,9 +105,13 @@ class State:
     def _build_networks(self, recipe: Recipe) -> None:
         """Build generator and discriminators with new weights and optimisers."""
         self.generator = recipe.generator().to(self.device)
+        if recipe.normalise_over == "processes":
+            share_statistics(self.generator)
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
         built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
+        if recipe.normalise_over == "processes":
+            share_statistics(self.discriminators)
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
@@ -237,7 +242,11 @@ def begin_assignments(recipe: Recipe, seed: int | None = None) -> list[Assignmen
     """Begin the assignment of each panel, with the recipe's seed or another."""
     seed = recipe.seed if seed is None else seed
     seeds = [seed if i == 0 else derived_seed(seed, i, "panel") for i in range(len(recipe.panels))]
-    return [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+    begun = [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+    if recipe.normalise_over == "processes":
+        for state in begun:
+            share_statistics(state)
+    return begun
 
 
 def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> None:
@@ -246,11 +255,6 @@ def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> N
     if {k: v.shape for k, v in module.state_dict().items()} != {k: v.shape for k, v in own.items()}:
         raise UserError(f"the checkpoint's {prefix} does not fit this recipe; it is of another run or another version")
     module.load_state_dict(own)
-
-
-def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
-    """Return the generator of the latents drawn by one panel at one update."""
-    return generator_at(seed, draw, f"latents/{panel}/{rank}")
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
