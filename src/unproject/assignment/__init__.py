@@ -15,6 +15,7 @@ from .learned_prior import LearnedPrior, LearnedPriorState
 from .mean_shape import MeanShapeInitialiser
 from .panel import Assignment, AssignmentState, Known, Panel
 from .predicted import Initialiser, Predicted, PredictedState, Rounds
+from .predicting import PredictingState
 from .predictor import PredictorFit
 from .responsibilities import Estimator
 from .unassigned import Unassigned
@@ -38,6 +39,7 @@ __all__ = [
     "Panel",
     "Predicted",
     "PredictedState",
+    "PredictingState",
     "PredictorFit",
     "Rounds",
     "Unassigned",

@@ -161,9 +161,11 @@ class State:
         half_life = min(half_life, max(self.counters.step / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
-            torch._foreach_lerp_(list(self.average.parameters()), list(self.generator.parameters()), rate)
-            for mean, new in zip(self.average.buffers(), self.generator.buffers(), strict=True):
-                mean.copy_(new)
+            mean: list[Tensor] = list(self.average.parameters())
+            new: list[Tensor] = list(self.generator.parameters())
+            torch._foreach_lerp_(mean, new, rate)  # pyright: ignore[reportPrivateImportUsage]
+            for held, now in zip(self.average.buffers(), self.generator.buffers(), strict=True):
+                held.copy_(now)
 
     def sampler(self) -> Generator:
         """Return the averaged generator as samples are drawn from it: with hulls if cameras are level by now."""
