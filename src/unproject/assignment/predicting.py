@@ -24,7 +24,7 @@ from .view_findings import are_found, entropy, information, view_findings
 PREDICTED_AT_ONCE = 512
 
 
-class Settings(Protocol):
+class PredictingSettings(Protocol):
     """What `Predicted` says of predictors: how one is fitted, and how its probabilities become views and heads."""
 
     @property
@@ -45,7 +45,7 @@ class PredictingState(AssignmentState):
     predictor: nn.Module
     round: Tensor
 
-    def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: Settings) -> None:
+    def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: PredictingSettings) -> None:
         super().__init__(panel, views, heads)
         self.settings = settings
         self.coverage = Coverage() if len(panel) > WHOLE else None
