@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
-.PHONY: install demo test lint format pytest bench campaign dist clean
+.PHONY: install demo test lint format pytest bench docs docs-links campaign dist clean
 .DEFAULT_GOAL := install
 
 install: $(STAMP)
@@ -54,6 +54,17 @@ bench: install
 	    && dpkg -x libllvm19_*.deb llvm; } || echo 'unproject: LLVM could not be fetched; Mitsuba is left out'
 	$(BIN)/python benchmarks/run.py
 
+# The documentation site, in docs/_build/html; a warning is an error. Its tests build it too.
+SPHINX = OMP_NUM_THREADS=1 $(BIN)/sphinx-build -q -W --keep-going -n -c docs
+
+docs: install
+	$(SPHINX) . docs/_build/html
+	@echo 'open docs/_build/html/index.html'
+
+# Links to other sites, which needs the network.
+docs-links: install
+	$(SPHINX) -b linkcheck . docs/_build/links
+
 # Every reader and flag with damaged and hostile input, and kills at random moments; the report is docs/campaign.md.
 campaign: install
 	OMP_NUM_THREADS=1 $(BIN)/python tools/fuzz.py --n $(INPUTS) --jobs $(WORKERS) || echo 'unproject: there are findings, see above'
@@ -74,5 +85,5 @@ dist:
 	$(BIN)/twine check --strict dist/*
 
 clean:
-	rm -rf build dist sbom.cdx.json .pytest_cache .ruff_cache .hypothesis .benchmarks tests/gltf/node_modules
+	rm -rf build dist sbom.cdx.json docs/_build docs/api docs/gallery examples/gallery/runs .pytest_cache .ruff_cache .hypothesis .benchmarks tests/gltf/node_modules
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

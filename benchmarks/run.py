@@ -7,6 +7,8 @@ import json
 
 import heads
 import lines
+import million
+import processes
 import rendering
 import silhouettes
 import sooner
@@ -20,6 +22,8 @@ BENCHMARKS = {
     "lines": lines.run,
     "rendering": rendering.run,
     "sooner": sooner.run,
+    "million": million.run,
+    "processes": processes.run,
 }
 
 

@@ -47,7 +47,8 @@ from unproject.recipes.shapes import shapes
 from unproject.training import Recipe
 from unproject.training.distribution import Distribution
 from unproject.training.recorder import Recorder
-from unproject.training.trainer import Trainer, TrainingContext
+from unproject.training.trainer import Trainer
+from unproject.training.training_context import TrainingContext
 
 CHAIRS, EACH, PERIOD, NEVER = 100, 16, 8, 10**9
 """Shapes, silhouettes of each, steps of a turn, and a budget of which these steps spend nothing."""

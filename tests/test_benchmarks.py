@@ -199,3 +199,30 @@ def test_a_training_that_was_stopped_is_no_result(named: object, tmp_path: Path)
         finished(run)
     done = replace(run, complete=True)
     assert finished(done) is done
+
+
+def test_many_masks_are_measured_against_few(named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    million = named("million")  # type: ignore[operator]
+    for name, value in {"SIZE": 16, "VOXELS": 16, "SIDES": 2, "TURNS": 1, "EACH": 1}.items():
+        monkeypatch.setattr(million, name, value)
+    less = {"bins": 4, "channels": 8, "rank": 2, "rounds": 2, "batch": 8}
+    monkeypatch.setattr(million, "shapes", lambda **flags: shapes(**flags, **less))
+    many, few = (million.write_array(tmp_path / f"{n}.npy", n) for n in (40, 20))
+    masks = np.load(many)
+    assert masks.shape == (40, 16, 16) and masks.dtype == np.uint8 and masks.max() == 255
+    assert len(np.unique(masks.reshape(40, -1), axis=0)) > 30
+    found = million.arm(many, 40, 1)
+    assert found["first_step"]["seconds"] > 0 and len(found["rounds"]) == 1 and found["memory"]["end"]["anonymous"] > 0
+    assert million.speeds(many, few, 40)["steps_a_second_of_few"] > 0
+
+
+def test_what_processes_send_is_counted(named: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    processes = named("processes")  # type: ignore[operator]
+    for name in ("all_reduce", "broadcast"):
+        monkeypatch.setattr(processes.dist, name, lambda tensor: tensor.zero_())
+    counter = processes.Counter()
+    processes.dist.all_reduce(torch.ones(3))
+    processes.dist.broadcast(torch.ones(2, dtype=torch.int8))
+    assert counter.read()[:2] == [2, 14]
+    monkeypatch.setattr(processes, "WARM", 0)
+    assert processes.steps(1, 16, 8, 8, None)["cpu_seconds"] > 0

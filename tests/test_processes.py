@@ -4,38 +4,56 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from unproject.cli import main
 from unproject.training import checkpoint, load
 
 HERE = Path(__file__).parent / "training"
-TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
 
 
-def torchrun(*argv: str | Path) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
-    command = [*TORCHRUN, *map(str, argv)]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200, check=False)
+ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
+TOY = f"{HERE / 'toy.py'}:toy"
 
 
-def steps(run: Path) -> list[int]:
-    return [json.loads(line)["step"] for line in (run / "stats.jsonl").read_text().splitlines()]
+def torchrun(*argv: str | Path, count: int = 2) -> subprocess.CompletedProcess[str]:
+    agent = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(count)]
+    return run([*agent, *map(str, argv)])
+
+
+def run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=200, check=False)
+
+
+def unproject(*argv: str | Path) -> subprocess.CompletedProcess[str]:
+    return run([sys.executable, "-m", "unproject", *map(str, argv)])
+
+
+def lines(out: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (out / "stats.jsonl").read_text().splitlines()]
+
+
+def steps(out: Path) -> list[int]:
+    return [line["step"] for line in lines(out)]
 
 
 @pytest.mark.slow
 def test_the_command_trains_in_two_processes(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    recipe = f"{HERE / 'toy.py'}:toy"
-    done = torchrun("-m", "unproject", "train", recipe, "--steps", "4", "--quiet", "--out", run)
+    out = tmp_path / "run"
+    done = torchrun("-m", "unproject", "train", TOY, "--steps", "4", "--quiet", "--out", out)
     assert done.returncode == 0, done.stderr
-    assert load(run).step == 4
-    assert len(checkpoint.list_checkpoints(run / "checkpoints")) == 1 and len(list((run / "samples").iterdir())) == 1
-    assert steps(run) == [1, 2, 3]  # three rounds of assignment, each written once
-    assert sorted(path.name for path in run.iterdir()) == [
+    assert load(out).step == 4
+    assert len(checkpoint.list_checkpoints(out / "checkpoints")) == 1 and len(list((out / "samples").iterdir())) == 1
+    assert steps(out) == [1, 2, 3]  # three rounds of assignment, each written once
+    assert sorted(path.name for path in out.iterdir()) == [
         "checkpoints", "environment.json", "recipe.json", "report.html", "samples", "stats.jsonl", "verdict.json"
     ]  # fmt: skip
     assert done.stdout.count("4 steps") == 1
@@ -54,3 +72,113 @@ def test_processes_agree_average_and_stay_equal(tmp_path: Path) -> None:
     assert a["diversity"] == b["diversity"] == pytest.approx(0.5)
     assert a["writes"] == [1, 2, 2, "stats.jsonl"] and b["writes"] == [0, 0, 0, "null"]
     assert steps(tmp_path / "run") == [1, 2, 2, 3, 4]
+
+
+LOSSES = ("loss_d", "loss_g", "penalty")
+TOLERANCE = 5e-4
+
+
+def differences(folder: Path, other: Path) -> dict[str, float]:
+    """Return the largest difference of a loss of each recipe in two folders."""
+    found = {}
+    for out in sorted(folder.iterdir()):
+        pairs = zip(lines(out), lines(other / out.name), strict=True)
+        found[out.name] = max(abs(a[k] - b[k]) for a, b in pairs for k in LOSSES if k in a)
+    return found
+
+
+@pytest.mark.slow
+def test_two_batches_of_b_are_one_of_2b(tmp_path: Path) -> None:
+    """The law, and the mutant that draws in each process alone."""
+    script = HERE / "equal_batches.py"
+    whole = run([sys.executable, str(script), str(tmp_path / "whole"), "8"])
+    halves = torchrun(script, tmp_path / "halves", "4")
+    mutant = torchrun(script, tmp_path / "mutant", "4", "mutant")
+    assert [done.returncode for done in (whole, halves, mutant)] == [0, 0, 0], halves.stderr
+    equal, broken = (differences(tmp_path / "whole", tmp_path / name) for name in ("halves", "mutant"))
+    assert len(equal) == 5 and max(equal.values()) < TOLERANCE, equal
+    assert max(broken.values()) > 10 * TOLERANCE, broken
+
+
+@pytest.mark.slow
+def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_three(tmp_path: Path) -> None:
+    killed, words = tmp_path / "killed", ["--steps", "400", "--checkpoint-every", "2", "--quiet"]
+    agent = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    command = [*agent, "-m", "unproject", "train", TOY, *words, "--out", str(killed)]
+    with subprocess.Popen(command, env=ENVIRONMENT, stdout=-3, stderr=-3, start_new_session=True) as process:
+        while not checkpoint.list_checkpoints(killed / "checkpoints"):
+            assert process.poll() is None
+            time.sleep(0.05)
+        for rank in children(process.pid):
+            os.kill(rank, signal.SIGKILL)
+    assert process.returncode != 0
+    done = int(checkpoint.newest(killed / "checkpoints").stem.removeprefix("step-"))
+    for count in (1, 3):
+        out = tmp_path / f"in-{count}"
+        shutil.copytree(killed, out)
+        resumed = torchrun(
+            "-m", "unproject", "resume", out, "--steps", str(done + 4), "--trust", "--quiet", count=count
+        )
+        assert resumed.returncode == 0, resumed.stderr
+        assert load(out).step == done + 4 and not list(out.rglob("*.tmp*"))
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+FAILING = """
+import os, signal
+from unproject.training import Recipe
+from toy import toy
+from unproject._types import UserError
+
+def fails(*, how: str = "", steps: int = 4) -> Recipe:
+    \"\"\"A recipe that fails in one process, in a way that is asked for.\"\"\"
+    if os.environ.get("RANK") in ("1", None) or how == "all":
+        if how in ("all", "one"):
+            raise UserError("data: not here; give others")
+        if how == "killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if how == "amid":
+            import unproject.training.trainer as trainer
+            trainer.Trainer._finish_step = lambda *_: (_ for _ in ()).throw(UserError("data: gone; give others"))
+    return toy(steps=steps)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("how", "line", "status"),
+    [
+        ("all", "unproject: data: not here; give others", 2),
+        ("one", "unproject: data: not here; give others", 2),
+        ("amid", "unproject: data: gone; give others", 2),
+        ("killed", "unproject: process 1 of 2 was ended by signal 9; resume goes on from the last checkpoint", 1),
+    ],
+)
+def test_one_process_that_fails_ends_all_with_one_line(tmp_path: Path, how: str, line: str, status: int) -> None:
+    (tmp_path / "failing.py").write_text(FAILING)
+    environment = {**ENVIRONMENT, "PYTHONPATH": str(HERE)}
+    command = [sys.executable, "-m", "unproject", "train", f"{tmp_path / 'failing.py'}:fails", "--how", how]
+    words = ["--out", str(tmp_path / "run"), "--quiet", "--processes", "2"]
+    done = subprocess.run([*command, *words], env=environment, capture_output=True, text=True, timeout=200, check=False)
+    assert (done.stderr.splitlines(), done.returncode) == ([line], status)
+
+
+@pytest.mark.slow
+def test_processes_are_a_flag_of_train_and_resume(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    done = unproject("train", TOY, "--steps", "3", "--quiet", "--out", out, "--processes=2")
+    assert done.returncode == 0, done.stderr
+    done = unproject("resume", out, "--steps", "5", "--trust", "--quiet", "--processes", "3")
+    assert done.returncode == 0 and load(out).step == 5, done.stderr
+
+
+@pytest.mark.parametrize("verb", ["train", "resume"])
+def test_how_many_processes_there_can_be(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "shapes" if verb == "train" else "runs/a", "--processes", "0"]) == 2
+    assert capsys.readouterr().err == (
+        "unproject: --processes 0: give 1 to 1024, one for each GPU, or for a part of the processors\n"
+    )

@@ -1,9 +1,12 @@
-"""What README.md and docs/usage.md tell people to type works: Python and commands, with smaller budgets."""
+"""What the README, guides and tutorials tell people to type works: Python and commands, with smaller budgets."""
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,12 +21,23 @@ from unproject.studio import Studio
 from unproject.training.checkpoint import FORMAT
 
 ROOT = Path(__file__).parent.parent
-TUTORIAL = "docs/tomography.md"
-"""Its Python writes the files of its commands."""
 FIT = "docs/fit.md"
-"""Some of its Python opens the runs of its commands."""
-STUDIO = "docs/studio.md"
-PAGES = ("README.md", "docs/usage.md", TUTORIAL, FIT, STUDIO)
+PAGES = {
+    "README.md": {"train", "export"},
+    "docs/usage.md": {"train", "export"},
+    "docs/start.md": {"studio", "export"},
+    FIT: {"train", "fit"},
+    "docs/studio.md": {"train", "export"},
+    "docs/tutorials/cutouts.md": {"data", "train", "evaluate", "export", "fit"},
+    "docs/tutorials/materials.md": {"data", "train", "render", "export"},
+    "docs/tutorials/lines.md": {"data", "train", "export"},
+    "docs/tutorials/operator.md": {"check", "train", "export"},
+    "docs/tutorials/cluster.md": {"data", "train", "resume"},
+}
+"""Page → verbs that it has commands of."""
+OTHERS = ("docs/how.md", "docs/results.md", "docs/conventions.md", "CONTRIBUTING.md")
+FRAGMENTS = ("README.md", "docs/usage.md")
+"""Pages whose Python is not what their commands need; that of the README has a test of its own."""
 
 
 def blocks(language: str, page: str = "README.md") -> list[str]:
@@ -64,9 +78,10 @@ def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def commands(page: str) -> list[str]:
-    """Every command of a page that begins with `unproject`, in a virtual environment or not."""
+    """Every command of a page that runs `unproject`, in a virtual environment or not, in one process or several."""
     lines = (line.partition("#")[0].strip() for block in blocks("sh", page) for line in block.splitlines())
-    return [line.removeprefix(".venv/bin/") for line in lines if re.match(r"(\.venv/bin/)?unproject ", line)]
+    begins = r"(\.venv/bin/)?unproject |(OMP_NUM_THREADS=1 )?torchrun "
+    return [line.removeprefix(".venv/bin/") for line in lines if re.match(begins, line)]
 
 
 ELSEWHERE = ("unproject demo", "unproject reproduce", "unproject data get")
@@ -76,10 +91,14 @@ ELSEWHERE = ("unproject demo", "unproject reproduce", "unproject data get")
 LEAST_FIT = "--candidates 4 --starts 1 --steps 1 --tune 0 --no-novelty"
 
 
+def verb_of(command: str) -> str:
+    return command.rpartition("unproject ")[2].split()[0]
+
+
 def shortened(command: str) -> str:
     """The command with the least budget and few samples."""
-    verb = command.split()[1]
-    command = re.sub(r"--(minutes|steps) [\d.]+", "", command)
+    verb = verb_of(command)
+    command = re.sub(r"--(minutes|steps|batch) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
     command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
     more = {
@@ -92,28 +111,57 @@ def shortened(command: str) -> str:
     return f"{command} {more.get(verb, '')}"
 
 
+def smaller(code: str) -> str:
+    """The Python of a page with a small data set."""
+    code = re.sub(r"\bchairs\(\d{3,}", "chairs(12", code)
+    return re.sub(r"(COUNT|shapes: int) = \d+", r"\1 = 6", code)
+
+
+def run_python(code: str, page: str, names: dict[str, object]) -> None:
+    """Run a block of Python; one that begins with the name of a file is saved there too."""
+    code = smaller(code)
+    if saved := re.match(r"# (\w+\.py)\n", code):
+        Path(saved[1]).write_text(code, encoding="utf-8")
+    exec(compile(code, page, "exec"), names)
+
+
+def run_command(words: list[str]) -> None:
+    if words[0] == "export" and (Path(words[1]) / "checkpoints").is_dir():
+        fill_what_was_learned(Path(words[1]))
+    if words[0] == "train" and "--out" not in words:
+        words += ["--out", f"runs/{words[1]}-0"]
+    assert main(words) == 0, words
+    if "--out" in words:
+        assert Path(words[words.index("--out") + 1]).exists(), words
+
+
+def run_processes(command: str) -> None:
+    """Run a command of torchrun, on processors."""
+    words = shlex.split(command.partition("torchrun ")[2])
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
+    torchrun = [sys.executable, "-m", "torch.distributed.run", *words]
+    done = subprocess.run(torchrun, env=environment, capture_output=True, text=True, timeout=250, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
     """In their order, each with what those before it have left; what --out names is there afterwards."""
     tried = [command for command in commands(page) if not command.startswith(ELSEWHERE)]
-    assert {"train", "fit" if page == FIT else "export"} <= {command.split()[1] for command in tried}
-    codes = [*blocks("python", page)] if page in (TUTORIAL, FIT, STUDIO) else []
+    assert PAGES[page] <= {verb_of(command) for command in tried}
+    codes = [] if page in FRAGMENTS else blocks("python", page)
     names: dict[str, object] = {}
     for code in codes:
         if "up.load(" not in code:
-            exec(compile(code, page, "exec"), names)
-    for command in tried:
-        words = shlex.split(shortened(command))[1:]
-        if words[0] == "export" and (Path(words[1]) / "checkpoints").is_dir():
-            fill_what_was_learned(Path(words[1]))
-        if words[0] == "train" and "--out" not in words:
-            words += ["--out", f"runs/{words[1]}-0"]
-        assert main(words) == 0, command
-        if "--out" in words:
-            assert Path(words[words.index("--out") + 1]).exists(), command
+            run_python(code, page, names)
+    for command in map(shortened, tried):
+        if "torchrun " in command:
+            run_processes(command)
+        else:
+            run_command(shlex.split(command)[1:])
     for code in codes:
         if "up.load(" in code:
-            exec(compile(code, page, "exec"), names)
+            run_python(code, page, names)
     assert masks.is_dir()
 
 
@@ -127,7 +175,7 @@ def fill_what_was_learned(run: Path) -> None:
     save_file(tensors, newest, metadata={"format": FORMAT})
 
 
-@pytest.mark.parametrize("page", [*PAGES, "docs/results.md", "docs/conventions.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize("page", [*PAGES, *OTHERS])
 def test_every_file_a_page_links_to_exists(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     links = re.findall(r"\]\(((?!https?:)[^)#\s]+)(?:#[^)]*)?\)", text)

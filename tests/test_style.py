@@ -78,7 +78,7 @@ def written() -> Iterator[Path]:
     kinds = {".py", ".md", ".toml", ".txt", ".json", ".rst", ".yml", ""}
     for folder in FOLDERS:
         for path in (ROOT / folder).rglob("*"):
-            hidden = {"node_modules", "__pycache__"} & set(path.parts) or ".egg-info" in str(path)
+            hidden = {"node_modules", "__pycache__", "_build"} & set(path.parts) or ".egg-info" in str(path)
             if path.is_file() and path.suffix in kinds and not hidden:
                 yield path
     yield from (path for path in ROOT.iterdir() if path.is_file() and path.suffix in kinds and path.name != ".git")

@@ -39,3 +39,72 @@ def seeded(seed: int, stream: str = "") -> Iterator[None]:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(derived_seed(seed, 0, stream) % 2**63)
         yield
+
+
+class Part(torch.Generator):
+    """The source of draws of one process among several, each of which has its part of one batch.
+
+    Drawn from directly, its draws are another process's nowhere. `shared_draws` take the draws of the whole batch from
+    `whole`, which is the same in all processes, and keep their own: then `world` processes with a batch of b draw what
+    one does with a batch of world · b, whose draws are those of process 0.
+
+    Attributes:
+        whole: the generator of the whole batch.
+        rank: of this process, which has the part of this number, of `world`.
+        rows: the rows of real images of the whole batch, if there are such.
+        chosen: (how many elements of the whole batch are drawn for, how many of them come before the own ones), if
+            these are not all.
+    """
+
+    whole: torch.Generator
+    rank: int
+    world: int
+    rows: torch.Tensor | None
+    chosen: tuple[int, int] | None
+
+
+def part_at(
+    seed: int, step: int, stream: str, rank: int = 0, world: int = 1, rows: torch.Tensor | None = None
+) -> torch.Generator:
+    """Return the generator of a process: that of (seed, step, stream/rank), which is a `Part` if there are several."""
+    if world == 1:
+        return generator_at(seed, step, f"{stream}/{rank}")
+    part = Part()
+    part.manual_seed(derived_seed(seed, step, f"{stream}/{rank}"))
+    part.whole, part.rank, part.world = generator_at(seed, step, f"{stream}/0"), rank, world
+    part.rows, part.chosen = rows, None
+    return part
+
+
+def shared_draws(rng: torch.Generator, n: int) -> tuple[torch.Generator, int, slice]:
+    """Return what to draw from for n elements, for how many to draw, and which of these are the own ones.
+
+    Examples:
+        >>> rng, count, own = shared_draws(generator_at(0, 5, "codes"), 2)
+        >>> count, torch.rand(count, generator=rng)[own].shape
+        (2, torch.Size([2]))
+        >>> one, two = (part_at(0, 5, "codes", rank, world=2) for rank in (0, 1))
+        >>> [shared_draws(rng, 2)[1:] for rng in (one, two)]
+        [(4, slice(0, 2, None)), (4, slice(2, 4, None))]
+    """
+    if not isinstance(rng, Part):
+        return rng, n, slice(0, n)
+    count, first = rng.chosen or (n * rng.world, n * rng.rank)
+    first = min(first, count - n)  # of none that are chosen, one is drawn for
+    return rng.whole, count, slice(first, first + n)
+
+
+def rows_of_all(rng: torch.Generator, rows: torch.Tensor) -> torch.Tensor:
+    """Return the rows of the whole batch, of which `rows` are this process's."""
+    return rng.rows if isinstance(rng, Part) and rng.rows is not None else rows
+
+
+def chosen_of(rng: torch.Generator, whole: torch.Tensor, own: slice) -> torch.Generator:
+    """Return the source of draws for those elements alone that `whole` (N,), bool, chooses."""
+    if not isinstance(rng, Part):
+        return rng
+    part = Part()
+    part.manual_seed(int(torch.randint(2**62, (), generator=rng)))
+    part.whole, part.rank, part.world, part.rows = rng.whole, rng.rank, rng.world, None
+    part.chosen = int(whole.sum()), int(whole[: own.start].sum())
+    return part

@@ -72,6 +72,12 @@ def test_a_stored_state_goes_on_as_it_would_have() -> None:
     assert one.log() == other.log()
 
 
+def test_its_weight_falls_and_makes_up_for_the_updates_without_it() -> None:
+    state = begun(weight=2.0, final=0.5, every=2)
+    assert [state.due(step) for step in range(4)] == [True, False, True, False]
+    assert [state.weight_at(progress) for progress in (0.0, 0.5, 1.0, 1.2)] == [4.0, 2.5, 1.0, 1.0]
+
+
 @pytest.mark.parametrize(
     "settings", [{"weight": 0.0}, {"weight": -1.0}, {"memory": 0.0}, {"memory": 1.5}, {"every": 0}, {"final": -1.0}]
 )

@@ -17,7 +17,7 @@ from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.assignment import Estimator, JointlyPredicted, JointlyPredictedState, Panel, PredictorFit, Rounds
 from unproject.assignment.jointly_predicted import AVERAGED, COMPLETE, LEAST_BALANCE, MEMORY
-from unproject.assignment.predicted import information
+from unproject.assignment.view_findings import information
 from unproject.data import Collection
 from unproject.networks import ViewPredictor
 from unproject.projections.silhouette import Silhouette, azimuth_bins, mirrored_views
@@ -56,7 +56,7 @@ def average(_: torch.nn.Module) -> None:
 @pytest.mark.parametrize("weight", [0.0, 0.25, 2.0])
 def test_the_generator_gets_w_times_the_gradient_and_the_predictor_all(weight: float, mirrored: bool) -> None:
     state, (fake, rows) = begun(mirrored, weight=weight), fakes()
-    predictor, images, views = copy.deepcopy(state.predictor).train(), fake.detach().clone(), state.views[rows]
+    predictor, images, views = copy.deepcopy(state.predictor).train(), fake.detach().clone(), state.views[rows].long()
     images.requires_grad_()
     flipped = torch.cat([images[:4], images[4:].flip(-1)]) if mirrored else images
     labels = torch.cat([views[:4], (-views[4:]) % BINS]) if mirrored else views
@@ -217,14 +217,12 @@ def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balance
     vague = torch.full((24, BINS), 0.02)
     vague[:, 0] = 1 - 0.02 * (BINS - 1)
     p = sure if told else vague
-    state._probabilities = lambda: p.clone()  # pyright: ignore[reportPrivateUsage]
-    found = state._responsibilities()  # pyright: ignore[reportPrivateUsage]
+    found = state._responsibilities(p.clone())  # pyright: ignore[reportPrivateUsage]
     assert state.of_data.item() == pytest.approx(information(p))
     wanted = torch.full((BINS,), 1 / BINS) if balanced else p.mean(0)
     torch.testing.assert_close(found.mean(0), wanted, atol=1e-3, rtol=0)
-    state._probabilities = lambda: torch.full((24, BINS), 1 / BINS)  # pyright: ignore[reportPrivateUsage]
     state.round.fill_(1)
-    state._responsibilities()  # pyright: ignore[reportPrivateUsage]
+    state._responsibilities(torch.full((24, BINS), 1 / BINS))  # pyright: ignore[reportPrivateUsage]
     assert state.of_data.item() == pytest.approx(0.5 * information(p), abs=1e-6)
 
 
@@ -232,7 +230,7 @@ def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balance
 def test_a_try_whose_projections_tell_more_than_pictures_is_worth_less(beyond: float, less: float) -> None:
     state = begun(margin=0.4)
     p = F.one_hot(torch.arange(24) % 4, BINS).float()
-    state._probabilities = lambda: p.clone()  # pyright: ignore[reportPrivateUsage]
+    state._probabilities = lambda rows: p.clone()  # pyright: ignore[reportPrivateUsage]
     state.of_fakes.fill_(information(p) + beyond)
     assert state.merit() == pytest.approx(information(p) - less, abs=1e-5)
 
@@ -245,8 +243,7 @@ def test_a_little_of_the_balance_is_always_left() -> None:
     p[torch.arange(25), torch.arange(25) % 5 % BINS] = 0.55
     p[torch.arange(25), (torch.arange(25) % 5 + 1) % BINS] = 0.45
     p[:10] = p[:1]
-    state._probabilities = lambda: p / p.sum(1, keepdim=True)  # pyright: ignore[reportPrivateUsage]
-    found = state._responsibilities().mean(0)  # pyright: ignore[reportPrivateUsage]
+    found = state._responsibilities(p / p.sum(1, keepdim=True)).mean(0)  # pyright: ignore[reportPrivateUsage]
     own = (p / p.sum(1, keepdim=True)).mean(0)
     known = min(1.0, state.of_data.item() / (COMPLETE * math.log(BINS)))
     wanted = own ** (1 - max(LEAST_BALANCE, 1 - known))

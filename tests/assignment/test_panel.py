@@ -196,7 +196,7 @@ def test_assigned_views_stay_where_rows_are_drawn(silhouettes: Collection) -> No
     """`.to` moves parameters; labels are not converted either."""
     panel = Panel(VIEWS, silhouettes, LearnedPrior())
     state = panel.assignment.begin(panel, 0).to(torch.float64)
-    assert state.views.dtype == torch.int64 and next(state.parameters()).dtype == torch.float64
+    assert state.views.dtype == torch.int8 and next(state.parameters()).dtype == torch.float64
     meta = panel.assignment.begin(panel, 0).to("meta")
     assert meta.views.device.type == "cpu" and next(meta.parameters()).device.type == "meta"
 

@@ -28,7 +28,8 @@ from unproject.training import Adam, Recipe, load, resume, train
 from unproject.training.distribution import Distribution
 from unproject.training.recorder import Recorder
 from unproject.training.state import PanelState, State
-from unproject.training.trainer import Trainer, TrainingContext
+from unproject.training.trainer import Trainer
+from unproject.training.training_context import TrainingContext
 
 VIEWS = ("predicted", "known", "single", "direct")
 

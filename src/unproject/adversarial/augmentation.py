@@ -13,6 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from .._random import chosen_of, shared_draws
 from .._types import UserError
 from ..ops.resampling import centres
 
@@ -105,8 +106,14 @@ class Sometimes(Augmentation):
             raise UserError(f"strength={self.strength:g}: give 0 to 1")
 
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
-        rows = (torch.rand(len(images), generator=rng) < self.strength).nonzero()[:, 0].to(images.device)
-        if not len(rows):
+        source, count, own = shared_draws(rng, len(images))
+        chosen = torch.rand(count, generator=source) < self.strength
+        rows = chosen[own].nonzero()[:, 0].to(images.device)
+        if not chosen.any():
+            return images
+        rng = chosen_of(rng, chosen, own)
+        if not len(rows):  # another process draws, so that this one does
+            self.augmentation(images[:1], rng)
             return images
         return images.index_copy(0, rows, self.augmentation(images[rows], rng))
 
@@ -149,7 +156,8 @@ class Affine(Augmentation):
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
         if images.dim() != 4:
             raise UserError(f"Affine moves pictures (C, H, W), not items of shape {tuple(images.shape[1:])}; use Shift")
-        right, down, zoom, roll = torch.rand(4, len(images), generator=rng).to(images) * 2 - 1
+        source, count, own = shared_draws(rng, len(images))
+        right, down, zoom, roll = torch.rand(4, count, generator=source)[:, own].to(images) * 2 - 1
         by = torch.stack([right, down], 1) * self.shift
         return moved(images, by, (1 + self.zoom) ** zoom, roll * self.roll)
 
@@ -190,8 +198,9 @@ class Shift(Augmentation):
             raise UserError(f"shift={self.pixels:g}: give pixels, more than 0")
 
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
+        source, count, own = shared_draws(rng, len(images))
         for side in range(2, images.dim()):
-            by = (torch.rand(len(images), generator=rng) * 2 - 1) * self.pixels
+            by = (torch.rand(count, generator=source)[own] * 2 - 1) * self.pixels
             images = shifted(images.transpose(side, -1), by.to(images)).transpose(side, -1)
         return images
 

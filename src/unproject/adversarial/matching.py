@@ -16,6 +16,7 @@ References:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,21 +118,21 @@ class MatchingState(nn.Module):
         """Return fields for the lines of the log: the root mean square of the differences of means."""
         return {"mismatch": round(self.first.square().mean().sqrt().item(), 4)}
 
-    def forward(self, images: Tensor) -> Tensor:
-        """Return the loss of generated images (B, C, H, W), and take them into the moving means."""
+    def forward(self, images: Tensor, over_processes: Callable[[Tensor], Tensor] = lambda values: values) -> Tensor:
+        """Return the loss of generated images (B, C, H, W), and take them into the moving means.
+
+        `over_processes` returns the mean of a tensor over all processes, each of which has as many images.
+        """
         s = (band_statistics(images.float()) - self.centre) / self.unit
+        now = torch.stack([s.mean(0), s.square().mean(0)])
         self.seen += 1
         rate = max(self.settings.memory, 1 / int(self.seen))
-        first = self._moved(self.first, s.mean(0), rate)
-        second = self._moved(self.second, s.square().mean(0), rate)
+        for mean, newest in zip((self.first, self.second), over_processes(now.detach()), strict=True):
+            mean.lerp_(newest, rate)
+        # The values are those of the moving means, the gradients those of the present batch.
+        first, second = torch.stack([self.first, self.second]) + (now - now.detach())
         deviation = (second - first.square()).clamp_min(1e-6).sqrt()
         return (_length(first) + _length(deviation - 1)).mean()
-
-    @staticmethod
-    def _moved(mean: Tensor, now: Tensor, rate: float) -> Tensor:
-        """Move a moving mean; return it with the gradient of the present value."""
-        mean.lerp_(now.detach(), rate)
-        return mean.clone() + (now - now.detach())
 
 
 def _length(z: Tensor) -> Tensor:

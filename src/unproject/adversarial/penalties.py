@@ -11,6 +11,7 @@ from typing import TypeAlias
 import torch
 from torch import Tensor
 
+from .._random import shared_draws
 from .._types import UserError
 
 Discriminate: TypeAlias = Callable[[Tensor], Tensor]
@@ -81,7 +82,8 @@ class GradientPenalty(Penalty):
         _check(self, self.weight, self.every)
 
     def __call__(self, discriminator: Discriminate, real: Tensor, fake: Tensor, rng: torch.Generator) -> Tensor:
-        u = torch.rand(len(real), generator=rng).to(real).view(-1, *[1] * (real.dim() - 1))
+        source, count, own = shared_draws(rng, len(real))
+        u = torch.rand(count, generator=source)[own].to(real).view(-1, *[1] * (real.dim() - 1))
         norm = (squared_gradient_norms(discriminator, u * real + (1 - u) * fake) + 1e-12).sqrt()
         return self.weight * self.every * (norm - 1).square().mean()
 

@@ -15,6 +15,7 @@ from .learned_prior import LearnedPrior, LearnedPriorState
 from .mean_shape import MeanShapeInitialiser
 from .panel import Assignment, AssignmentState, Known, Panel
 from .predicted import Initialiser, Predicted, PredictedState, Rounds
+from .predicting import PredictingSettings, PredictingState
 from .predictor import PredictorFit
 from .responsibilities import Estimator
 from .unassigned import Unassigned
@@ -38,6 +39,8 @@ __all__ = [
     "Panel",
     "Predicted",
     "PredictedState",
+    "PredictingSettings",
+    "PredictingState",
     "PredictorFit",
     "Rounds",
     "Unassigned",

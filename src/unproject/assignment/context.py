@@ -52,6 +52,21 @@ class Context(Protocol):
         """Overwrite tensors by those of the first process."""
         ...
 
+    def draws(self, until: float, steps: int) -> range:
+        """Return the places, in the order of rows, that are drawn from now to the part `until` of the budget.
+
+        Those of so many steps at least. Of a budget in minutes, as many as the steps so far foretell.
+        """
+        ...
+
+    def rows(self, places: range) -> Tensor:
+        """Return the panel's rows at these places (`data.sampling.rows_at`)."""
+        ...
+
+    def shared(self, rows: Tensor, predict: Callable[[Tensor], Tensor]) -> Tensor:
+        """Return predict(rows), (N, K), of which each process computes its part of the rows."""
+        ...
+
     def restart(self) -> None:
         """Start the generator and the discriminators from new weights."""
         ...

@@ -120,7 +120,7 @@ class JointlyPredictedState(PredictedState):
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""
         self.trained.train()
-        w, views = self.generator_weight(progress), self.views[rows].to(fake.device)
+        w, views = self.generator_weight(progress), self.views[rows].long().to(fake.device)
         images, views = self.settings.fit.half_mirrored(fake.detach() + w * (fake - fake.detach()), views)
         loss = F.cross_entropy(self.trained(self.settings.fit.prepared(images)), views)
         self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)
@@ -128,6 +128,7 @@ class JointlyPredictedState(PredictedState):
 
     def update(self, average_gradients: Callable[[torch.nn.Module], None]) -> None:
         average_gradients(self.trained)
+        self.of_fakes.copy_(_averaged(self.of_fakes, average_gradients))  # else w would differ between processes
         self.online.step()
         self.online.zero_grad()
         with torch.no_grad():
@@ -146,9 +147,9 @@ class JointlyPredictedState(PredictedState):
     def _fit(self, run: Context, seed: int) -> float:
         return math.log(len(self.panel.observations)) - float(self.of_fakes)
 
-    def _responsibilities(self) -> Tensor:
+    def _responsibilities(self, p: Tensor) -> Tensor:
         """Return responsibilities balanced the less, the more of the views the pictures tell."""
-        p, estimator = self._probabilities(), self.settings.estimator
+        estimator = self.settings.estimator
         self.of_data.lerp_(torch.tensor(information(p)), NEWEST if self.round else 1.0)
         known = min(1.0, float(self.of_data) / (COMPLETE * math.log(p.shape[1])))
         balance = estimator.balance * max(LEAST_BALANCE, 1 - known)
@@ -166,3 +167,12 @@ class JointlyPredictedState(PredictedState):
             "view_information": round(float(self.of_fakes), 4),
             "view_information_of_data": round(float(self.of_data), 4),
         }
+
+
+def _averaged(value: Tensor, average_gradients: Callable[[torch.nn.Module], None]) -> Tensor:
+    """Return the mean of a number over the processes, which average gradients."""
+    holder = torch.nn.ParameterList([torch.nn.Parameter(torch.zeros_like(value))])
+    holder[0].grad = value.clone()
+    average_gradients(holder)
+    assert holder[0].grad is not None
+    return holder[0].grad

@@ -16,13 +16,14 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
+from .._random import rows_of_all, shared_draws
 from .._types import UserError
 from ..data import Collection
 from ..metrics import Finding, Score
 from ..projections.base import Projection
 from ..projections.observation import Observation
 from ..projections.priors import sample_each
-from .assigned import Assigned
+from .assigned import Assigned, smallest
 from .context import Context
 from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
@@ -43,8 +44,8 @@ class Assignment(ABC):
         ...         first = torch.zeros(len(panel), dtype=torch.long)
         ...         return up.AssignmentState(panel, first, first.clone())
         >>> itself, volumes = up.Observation("itself", up.Identity()), up.Collection(up.data.chairs(3, 16))
-        >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views
-        tensor([0, 0, 0])
+        >>> AllFirst().begin(up.Panel([itself], volumes), seed=0).views.tolist()
+        [0, 0, 0]
     """
 
     projected_at_once: ClassVar[int] = 0
@@ -169,12 +170,18 @@ class Panel:
         """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection.
 
         Args:
+            x: (B, ...).
+            views: (B,); or those of the whole batch, if `rng` is that of one process among several.
+            rng: the source of draws.
             learned: draws those latents whose distribution is learned, in place of the priors.
         """
+        source, count, own = shared_draws(rng, len(x))
+        if len(views) != count:  # views of this process's part alone
+            source, own = rng, slice(0, len(x))
         priors = [observation.prior for observation in self.observations]
-        theta = sample_each(priors, views, rng) if priors[0].names else {}
-        theta |= learned.draw(len(x), rng) if learned else {}
-        return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
+        theta = sample_each(priors, views, source) if priors[0].names else {}
+        theta |= learned.draw(len(views), source) if learned else {}
+        return self.projection(x, **{name: value[own].to(x) for name, value in theta.items()})
 
 
 class AssignmentState(Assigned):
@@ -200,16 +207,17 @@ class AssignmentState(Assigned):
     fixes_gauge: bool = False
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor) -> None:
-        super().__init__(views, heads, len(panel.observations), panel.assignment.heads(panel))
+        head_count = panel.assignment.heads(panel)
+        super().__init__(views, heads, len(panel.observations), head_count)
         self.panel = panel
         if panel.held_out is not None:
-            self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=torch.long))
+            self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=smallest(head_count)))
         self.learned = LearnedLatents(panel.learned) if panel.learned else None
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""
         # Gradients are off where only discriminators are updated.
-        return self.observe(x, self.views[rows], rng)
+        return self.observe(x, self.views[rows_of_all(rng, rows)].long(), rng)
 
     def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of x (B, ...) in `views` (B,), with what is learned of their latents."""
@@ -248,7 +256,7 @@ class AssignmentState(Assigned):
         return 0.0
 
     def estimates(self) -> Tensor | None:
-        """Return (N,) the view that was estimated for each image; None if none was."""
+        """Return (N,) the view that was estimated for each image, -1 of one that was not; None if none was."""
         return None
 
     def view_probabilities(self) -> Tensor | None:
@@ -269,7 +277,7 @@ class AssignmentState(Assigned):
 
     def draw_views(self, n: int, rng: torch.Generator) -> Tensor:
         """Draw n views as frequent as those of the data."""
-        return self.views[torch.randint(len(self.views), (n,), generator=rng)]
+        return self.views[torch.randint(len(self.views), (n,), generator=rng)].long()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ References:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -20,19 +19,16 @@ from torch import Tensor
 
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
-from ..data import Collection
-from ..metrics import Finding, Score
 from ..projections.observation import Observation
 from .context import Context
-from .panel import Assignment, AssignmentState, Panel
+from .panel import Assignment, Panel
+from .predicting import PredictingState
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
 from .responsibilities import Estimator, uniform_views
-from .view_findings import are_found, entropy, information, view_findings
 from .views import shared_collection
 
 REPORT_EVERY, SAVE_EVERY = 20, 5000
 """Steps of a fit between two checks for a request to stop, and between two checkpoints."""
-PREDICTED_AT_ONCE = 512
 
 Initialiser = Callable[[Sequence[Observation], Tensor, int], Tensor]
 """(observations, images (N, ...), seed) → responsibilities (N, K) for round 0."""
@@ -101,7 +97,7 @@ class Predicted(Assignment):
         return PredictedState(panel, views, torch.zeros_like(views), self, seed)
 
 
-class PredictedState(AssignmentState):
+class PredictedState(PredictingState):
     """The predictor, the rounds done, and the round whose predictor is being fitted, if any.
 
     Attributes:
@@ -109,14 +105,15 @@ class PredictedState(AssignmentState):
         last: the training step of the last round.
     """
 
+    settings: Predicted
     round: Tensor
     fitting: Tensor
     fitted: Tensor
     last: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: Predicted, seed: int) -> None:
-        super().__init__(panel, views, heads)
-        self.settings, self.seed = settings, seed
+        super().__init__(panel, views, heads, settings)
+        self.seed = seed
         self.predictor = self._new_predictor()
         self.adam: torch.optim.Adam | None = None
         for name in ("round", "fitting", "fitted", "last"):
@@ -128,13 +125,14 @@ class PredictedState(AssignmentState):
     def before_step(self, run: Context) -> bool:
         initialiser = self.settings.initialiser
         if initialiser is not None and run.step == 0 and self.round == 0 and not self.heads.any():  # none is assigned
-            seed = derived_seed(self.seed, 0, "assignment")
-            found = initialiser(self.panel.observations, torch.cat([part.floats() for part in self._parts()]), seed)
-            self._assign(run, found, seed, event="initialised")
+            seed, rows = derived_seed(self.seed, 0, "assignment"), self._upcoming(run)
+            items = torch.cat([self._kept(rows).floats(), *(part.floats() for part in self._held_out())])
+            self._assign(run, initialiser(self.panel.observations, items, seed), rows, seed, event="initialised")
         if self.fitting:
             return self._continue_round(run)
         due, rounds = self.settings.rounds.due(run.progress), self.settings.rounds
         if due <= self.round or (self.round > 0 and run.step - self.last < rounds.least_steps):
+            self._cover_what_is_left(run)
             return True
         self._begin_round(due, run)
         return self._continue_round(run)
@@ -154,8 +152,11 @@ class PredictedState(AssignmentState):
         if shapes != own or not tensors["round"] > 0:
             return False
         self.predictor.load_state_dict(stored)
-        found = self.settings.estimator.responsibilities(self._probabilities())
-        self._take(*self.settings.estimator.assign(found, derived_seed(self.seed, 0, "assignment")))
+        seed, rows = derived_seed(self.seed, 0, "assignment"), self._measured()
+        found = self.settings.estimator.responsibilities(self._probabilities(rows))
+        self._take(*self.settings.estimator.assign(found, seed), rows, seed)
+        if self.coverage is not None:
+            self.coverage.expire()
         return True
 
     def _begin_round(self, due: int, run: Context) -> None:
@@ -173,8 +174,9 @@ class PredictedState(AssignmentState):
         loss = self._fit(run, seed)
         if loss is None:
             return False
-        found = self._responsibilities()
-        self._assign(run, found, seed, event="assigned", round=int(self.fitting), loss=round(loss, 6))
+        rows = self._upcoming(run)
+        found = self._responsibilities(self._predicted(run, rows))
+        self._assign(run, found, rows, seed, event="assigned", round=int(self.fitting), loss=round(loss, 6))
         if self.settings.rounds.restart and self.round == 0:
             run.restart()
         self.round.copy_(self.fitting)
@@ -183,9 +185,25 @@ class PredictedState(AssignmentState):
         self.adam = None
         return True
 
-    def _responsibilities(self) -> Tensor:
-        """Return the responsibilities that the images are assigned by, (N, K)."""
-        return self.settings.estimator.responsibilities(self._probabilities())
+    def _responsibilities(self, p: Tensor) -> Tensor:
+        """Return the responsibilities that images are assigned by, of their probabilities p (N, K)."""
+        return self.settings.estimator.responsibilities(p)
+
+    def _upcoming(self, run: Context) -> Tensor | None:
+        """Return the rows that are drawn before the next round; None for all, if they are not too many."""
+        if self.coverage is None:
+            return None
+        rounds = self.settings.rounds
+        later = [start for start in rounds.starts if start > run.progress]
+        return self.coverage.extend(run, min(later, default=1.0), rounds.least_steps)
+
+    def _cover_what_is_left(self, run: Context) -> None:
+        """Predict further images if more are drawn than the last round foresaw."""
+        if self.coverage is not None and self.coverage.is_left(run):
+            rows = self._upcoming(run)
+            found = self.settings.estimator.responsibilities(self._predicted(run, rows))
+            seed = derived_seed(self.seed, run.step, "further images")
+            self._assign(run, found, rows, seed, event="assigned", round=int(self.round))
 
     def _fit(self, run: Context, seed: int) -> float | None:
         """Return the last loss of the predictor's fit, or None if interrupted."""
@@ -217,66 +235,14 @@ class PredictedState(AssignmentState):
         count = self.settings.fit.images
         return torch.cat(projections)[:count], torch.cat(views)[:count]
 
-    def _assign(self, run: Context, responsibilities: Tensor, seed: int, **fields: object) -> None:
+    def _assign(self, run: Context, responsibilities: Tensor, rows: Tensor | None, seed: int, **fields: object) -> None:
         views, heads = self.settings.estimator.assign(responsibilities, seed)
         run.synchronise([views, heads])
-        self._take(views, heads)
+        self._take(views, heads, rows, seed)
         counts = torch.bincount(self.views, minlength=len(self.panel.observations)).tolist()
         run.record(**fields, views=counts)
-
-    def _take(self, views: Tensor, heads: Tensor) -> None:
-        """Take over views and heads of the panel's images and of those held out."""
-        count = len(self.panel)
-        self.views.copy_(views[:count])
-        self.heads.copy_(heads[:count])
-        if self.panel.held_out is not None:
-            self.held_out_heads.copy_(heads[count:])
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:
         if self.fitting and self.adam is None:  # as after loading the state of an interrupted fit
             self.adam = self.settings.fit.optimiser(self.predictor)
         return {} if self.adam is None else {"adam": self.adam}
-
-    def _parts(self) -> list[Collection]:
-        """Return the panel's images, and those held out if there are any: views of both are predicted."""
-        held_out = self.panel.held_out
-        return [self.panel.collections[0], *([] if held_out is None else [held_out])]
-
-    def _probabilities(self) -> Tensor:
-        """Return the predictor's probabilities of the panel's images, then of those held out, (N + M, K)."""
-        batches = (
-            part.batch(rows) for part in self._parts() for rows in torch.arange(len(part)).split(PREDICTED_AT_ONCE)
-        )
-        return self.settings.fit.probabilities(self.predictor, batches)
-
-    def view_probabilities(self) -> Tensor | None:
-        return self._probabilities() if self.round > 0 else None
-
-    def checks(self) -> dict[str, Score]:
-        """Return what the predictor knows of views, I(k; y) = H(mean p) - mean H(p), and how many are used."""
-        p = self._probabilities()[: len(self.panel)]
-        n, count = p.shape
-        used = torch.bincount(self.views, minlength=count) / n
-        return {
-            "view_information": Score(information(p), f"nats of log {count} = {math.log(count):.2f}, {n} images", n),
-            "views_used": Score(entropy(used).exp().item(), f"exp of the entropy of assigned views, of {count}", n),
-        }
-
-    def merit(self) -> float:
-        return information(self._probabilities())
-
-    def estimates(self) -> Tensor:
-        return self.views
-
-    def findings(self, real: Tensor, generated: Tensor) -> list[Finding]:
-        return view_findings(self._of(real), self._of(generated))
-
-    def view_shares(self, real: Tensor) -> Tensor | None:
-        """Return the mean probability of each view, before it is balanced."""
-        p = self._of(real)
-        return p.mean(0) if are_found(p) else None
-
-    def _of(self, images: Tensor) -> Tensor:
-        """Return the predictor's probabilities of images (N, ...), (N, K)."""
-        self.predictor.eval()
-        return self.settings.fit.probabilities(self.predictor, images.split(PREDICTED_AT_ONCE))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from .._random import shared_draws
 from .panel import Assignment, AssignmentState, Panel
 from .views import shared_collection
 
@@ -40,7 +41,8 @@ class UnassignedState(AssignmentState):
     """Draws an observation for each sample anew; `views` is unused."""
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
-        return self.observe(x, self.draw_views(len(x), rng), rng)
+        source, count, _ = shared_draws(rng, len(x))
+        return self.observe(x, self.draw_views(count, source), rng)
 
     def view_shares(self, real: Tensor) -> None:
         return None

@@ -40,7 +40,7 @@ def views_of(collection: Collection, observations: Sequence[Observation]) -> Ten
             f"{collection.source}: the known view of {int(outside.sum())} of {len(inside)} images lies outside every "
             f"bin; leave them out{more}"
         )
-    return inside.long().argmax(1)
+    return inside.byte().argmax(1)
 
 
 def by_view(collection: Collection, observations: Sequence[Observation]) -> tuple[list[Observation], list[Collection]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from io import TextIOWrapper
@@ -17,6 +18,7 @@ from io import TextIOWrapper
 from .._objects import nearest
 from .._types import UserError
 from ._errors import explain
+from ._processes import PATIENCE, let_others_speak, lost_another
 from ._warnings import held
 
 VERBS = {
@@ -59,9 +61,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except (UserError, OSError) as error:
+        let_others_speak()
         print(f"unproject: {explain(error)}", file=sys.stderr)
         return 2
     except (MemoryError, RuntimeError) as error:
+        if lost_another(error):
+            time.sleep(2 * PATIENCE)  # the agent ends this process meanwhile
+            print("unproject: another process of this run has ended; its own line says why", file=sys.stderr)
+            return 2
         if isinstance(error, RuntimeError) and not any(words in str(error) for words in NO_MEMORY):
             raise
         print("unproject: memory is used up; ask for fewer or smaller samples, or a smaller --batch", file=sys.stderr)

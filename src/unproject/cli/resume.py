@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from ._arguments import bind
 from ._machine import say, use_threads
+from ._processes import in_processes
 
 
 def run(
@@ -16,6 +19,7 @@ def run(
     minutes: float | None = None,
     device: Literal["auto", "cpu", "cuda"] = "auto",
     threads: int | None = None,
+    processes: int = 1,
     trust: bool = False,
     quiet: bool = False,
 ) -> None:
@@ -27,6 +31,7 @@ def run(
         minutes: a new budget in minutes in place of the run's own, those already spent included.
         device: where to compute.
         threads: processor threads (default: all cores).
+        processes: processes on this machine, as many as before or not; on several machines use torchrun.
         trust: import the recipe's code although it is not of this package.
         quiet: no progress bar, and no verdict on the screen.
     """
@@ -42,6 +47,11 @@ def run(
     conclude(finished, quiet)
     if finished.step:
         leave_report(finished, quiet)
+
+
+def parse(argv: Sequence[str]) -> Callable[[], Any]:
+    """Return what resumes the run, here or in several processes."""
+    return in_processes("resume", argv, bind("resume", argv, run)[0])
 
 
 def _steps(path: Path) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ._arguments import bind_recipe
+from ._processes import in_processes
 
 LONG = 10.0
 """Seconds of a step from which on its estimate is printed."""
@@ -24,6 +25,7 @@ def run(
     from_: Path | None = None,
     device: Literal["auto", "cpu", "cuda"] = "auto",
     threads: int | None = None,
+    processes: int = 1,
     quiet: bool = False,
     force: bool = False,
     log: Literal["tensorboard"] | None = None,
@@ -38,6 +40,7 @@ def run(
         from_: a run whose weights to start from, to fine-tune its generator on other data (default: random weights).
         device: where to compute.
         threads: processor threads (default: all cores).
+        processes: processes on this machine, one for each GPU, with a batch each; on several machines use torchrun.
         quiet: no progress bar, and no verdict on the screen.
         log: tensorboard keeps the log as an event file of TensorBoard too, in OUT/tensorboard; resume goes on with it.
         force: train although the estimate says that memory is too small.
@@ -72,7 +75,7 @@ def run(
 def parse(argv: Sequence[str]) -> Callable[[], Any]:
     """Return what makes the recipe, which may need memory for data, and trains it."""
     call = bind_recipe("train", argv, run)
-    return _unchecked(call) if "--force" in argv else call
+    return in_processes("train", argv, _unchecked(call) if "--force" in argv else call)
 
 
 def _unchecked(call: Callable[[], Any]) -> Callable[[], Any]:

@@ -10,6 +10,7 @@ nothing is stored: a resumed run asks for step s and gets what a run that was ne
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 import torch
@@ -32,16 +33,26 @@ def batch_rows(
     if count < 1 or batch < 1:
         raise UserError(f"cannot draw a batch of {batch} from {count} items; give at least one of each")
     start = (step * world + rank) * batch
-    places = range(start, start + batch)
-    epochs = range(places[0] // count, places[-1] // count + 1)
-    sequence = torch.cat([permutation(count, seed, epoch, stream) for epoch in epochs])
-    return sequence[torch.arange(batch) + start - epochs[0] * count]
+    return rows_at(count, range(start, start + batch), seed, stream)
 
 
-@lru_cache(maxsize=16)
+def rows_at(count: int, places: range, seed: int, stream: str = "rows") -> Tensor:
+    """Return the rows at these places of the endless sequence, int64; a row comes twice if epochs end among them."""
+    return torch.cat([*_pieces(count, places, seed, stream)]).long()
+
+
+def _pieces(count: int, places: range, seed: int, stream: str) -> Iterator[Tensor]:
+    """Yield the places of each epoch among these; the rest, which may be a million rows, is not copied."""
+    for epoch in range(places[0] // count, places[-1] // count + 1):
+        first = epoch * count
+        yield permutation(count, seed, epoch, stream)[max(places[0] - first, 0) : places[-1] + 1 - first]
+
+
+@lru_cache(maxsize=8)
 def permutation(count: int, seed: int, epoch: int, stream: str = "rows") -> Tensor:
-    """π_epoch, (count,) int64. Cached, because consecutive steps share it: do not write into it."""
-    return torch.randperm(count, generator=generator_at(seed, epoch, stream))
+    """π_epoch, (count,) int32 (int64 from 2³¹ on). Cached, because consecutive steps share it: do not write into it."""
+    kind = torch.int32 if count < 2**31 else torch.int64
+    return torch.randperm(count, generator=generator_at(seed, epoch, stream), dtype=kind)
 
 
 def spread_rows(count: int, most: int) -> Tensor:

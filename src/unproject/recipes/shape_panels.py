@@ -31,6 +31,7 @@ from .pairing import Views, panel_of
 PROCEDURAL_CHAIRS = 1000
 CHECKED = 1024
 """Pictures that are looked at to tell whether and how they were cropped, and whether cameras were level."""
+HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 LEVEL = 0.5
 """The share of level outlines beyond which cameras count as level: it is 0.55 or more of furniture seen at elevation 0,
 0.47 or less at 8 +- 5 degrees."""
@@ -188,8 +189,12 @@ def split_panel(
     split_seed: int | None,
     flips: bool,
 ) -> Panel:
-    """Return the panel with a tenth of the images held out, unless there is no seed for that or training is direct."""
+    """Return the panel with a tenth of the images held out, unless there is no seed for that or training is direct.
+
+    Of more than 65,536 images no more are held out, since every round predicts them all.
+    """
     split = split_seed is not None and views != "direct"
-    kept, held_out = collection.split(seed=split_seed or 0) if split else (collection, None)
+    share = min(HELD_OUT, MOST_HELD_OUT / len(collection))
+    kept, held_out = collection.split(share, split_seed or 0) if split else (collection, None)
     panel = panel_of(views, observations, with_flips(kept) if flips else kept, predicted, held_out)
     return replace(panel, learned=camera_of(views, bands, collection, observations[0].projection))

@@ -90,8 +90,8 @@ def _panel(state: AssignmentState, k: int, described: Any) -> Sorted:
     if len(set(labels)) < len(labels) or labels == [str(i) for i in range(len(labels))]:
         labels = [o.name for o in panel.observations]
     if p is None:
-        return Sorted(state, tuple(names), labels, state.views, None)
-    views = torch.cat([state.views, p[len(names) :].argmax(1)])
+        return Sorted(state, tuple(names), labels, state.views.long(), None)
+    views = torch.cat([state.views.long(), p[len(names) :].argmax(1)])
     return Sorted(state, (*names, *held_out), labels, views, p[torch.arange(len(views)), views])
 
 

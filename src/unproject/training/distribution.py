@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import atexit
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import torch
 import torch.distributed as dist
 from torch import Tensor, nn
 
+from .._random import part_at
 from .._types import UserError
 
 
@@ -34,6 +35,9 @@ class Distribution:
         if device not in ("cpu", "cuda"):
             raise UserError(f"device {device!r}: choose auto, cpu or cuda")
         self.device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if device == "cuda" else "cpu")
+        if self.device.type == "cuda" and (self.device.index or 0) >= torch.cuda.device_count():
+            there = torch.cuda.device_count()
+            raise UserError(f"{self.device}: {there} CUDA devices are there; start as many processes")
         if self.world > 1 and not dist.is_initialized():
             _join(self.device)
 
@@ -41,6 +45,14 @@ class Distribution:
     def leads(self) -> bool:
         """Whether this is the process that writes files."""
         return self.rank == 0
+
+    def own(self, whole: Tensor) -> Tensor:
+        """Return this process's part of what belongs to the batches of all."""
+        return whole.chunk(self.world)[self.rank]
+
+    def part(self, seed: int, step: int, stream: str, rows: Tensor | None = None) -> torch.Generator:
+        """Return the source of this process's draws (`_random.Part`); `rows` are those of the batches of all."""
+        return part_at(seed, step, stream, self.rank, self.world, rows)
 
     def average_gradients(self, module: nn.Module) -> None:
         """Replace each gradient by its mean over the processes."""
@@ -57,10 +69,14 @@ class Distribution:
         """Return the mean of a number over the processes."""
         return value if self.world == 1 else float(self._mean(torch.tensor(value, device=self.device)))
 
+    def mean(self, values: Tensor) -> Tensor:
+        """Return the mean of a tensor over the processes."""
+        return values if self.world == 1 else self._mean(values.clone())
+
     def _mean(self, values: Tensor) -> Tensor:
         # A sum and a division: gloo has no mean.
         dist.all_reduce(values)
-        return values / self.world
+        return values.div_(self.world)
 
     def copy_from_leader(self, tensors: Iterable[Tensor]) -> None:
         """Overwrite each tensor by the leading process's."""
@@ -70,6 +86,15 @@ class Distribution:
             values = tensor.detach().contiguous()
             dist.broadcast(values, src=0)
             tensor.data.copy_(values)
+
+    def joined(self, part: Tensor, lengths: Sequence[int]) -> Tensor:
+        """Return the parts of all processes, (lengths[rank], ...) each, one after another."""
+        if self.world == 1:
+            return part
+        parts = part.new_zeros(len(lengths), max(lengths), *part.shape[1:])
+        parts[self.rank, : len(part)] = part
+        dist.all_reduce(parts)  # a sum with zeros: parts may be of different lengths, which gloo does not gather
+        return torch.cat([found[:length] for found, length in zip(parts, lengths, strict=True)])
 
     def agree(self, flag: bool) -> bool:
         """Return whether the flag is set in any process."""

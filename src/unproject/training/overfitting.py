@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .._random import derived_seed, generator_at
+from .._random import derived_seed
 from ..data.sampling import batch_rows
 from .distribution import Distribution
 from .recipe import Recipe
@@ -22,9 +22,9 @@ def held_out_logits(
         return None
     ranks, seed = distribution, derived_seed(recipe.seed, index, "held-out rows")
     rows = batch_rows(len(held_out), recipe.batch, seed, draw, ranks.rank, ranks.world)
-    rng = generator_at(recipe.seed, draw, f"held-out augmentation/{index}/{ranks.rank}")
+    rng = ranks.part(recipe.seed, draw, f"held-out augmentation/{index}")
     images = panel.augmentation(held_out.batch(rows).to(ranks.device), rng)
-    return panel.discriminator(images, panel.assignment.held_out_heads[rows].to(ranks.device))
+    return panel.discriminator(images, panel.assignment.held_out_heads[rows].long().to(ranks.device))
 
 
 def adapt(

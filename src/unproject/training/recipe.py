@@ -84,6 +84,7 @@ class Options(TypedDict, total=False):
     precision: Literal["float32", "bfloat16"]
     compile: bool
     checkpoint_every: int
+    normalise_over: Literal["processes"] | None
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class Recipe:
         discriminator_optimiser: Adam's settings for the discriminators.
         regulariser: (x, progress) → a term of the generator's loss, such as `Solid()`; several as `Regularisers`.
         discriminator_steps: discriminator updates a generator update.
-        batch: images an update.
+        batch: images an update, of each process.
         views_per_sample: projections of each generated sample in an update, which takes batch / views_per_sample
             samples.
         balance_every: steps between two measurements of the norm of the gradient of each panel's loss by the generator;
@@ -115,6 +116,8 @@ class Recipe:
         precision: bfloat16 runs the networks under autocast.
         compile: compile the generator with torch.compile.
         checkpoint_every: steps between checkpoints (and sample pictures).
+        normalise_over: processes takes statistics of batch normalisation over the batches of all processes, so that
+            equal batches of all have equal results (default: over each process's own batch, which is faster).
         tries: several short starts, of which the best goes on (default: one start).
 
     Raises:
@@ -151,6 +154,7 @@ class Recipe:
     precision: Literal["float32", "bfloat16"] = "float32"
     compile: bool = False
     checkpoint_every: int = 500
+    normalise_over: Literal["processes"] | None = field(default=None, metadata={"described": "if given"})
     tries: Tries | None = field(default=None, metadata={"described": "if given"})
     origin: Origin | None = field(default=None, compare=False, repr=False, metadata={"described": False})
 
@@ -183,11 +187,23 @@ class Recipe:
         if self.steps is None and self.minutes is None:
             raise UserError("the recipe has no budget: give steps or minutes")
 
+    @property
+    def samples(self) -> int:
+        """Samples that are generated for an update."""
+        return self.batch // self.views_per_sample
+
     def progress(self, step: int, seconds: float) -> float:
         """Return the part of the budget that is spent, 0 to 1."""
         by_step = step / self.steps if self.steps else 0.0
         by_time = seconds / (60 * self.minutes) if self.minutes else 0.0
         return max(by_step, by_time)
+
+    def steps_until(self, progress: float, step: int, seconds: float) -> int:
+        """Return how many steps are left, at `step`, to this part of the budget: with minutes, by the steps so far."""
+        left = [progress * self.steps - step] if self.steps else []
+        if self.minutes and seconds:
+            left.append((60 * self.minutes * progress - seconds) * step / seconds)
+        return max(math.ceil(min(left, default=0.0)), 1)
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed."""

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Adam as TorchAdam
 
-from .._random import derived_seed, generator_at, seeded
+from .._random import derived_seed, seeded
 from .._types import UserError
 from ..adversarial.augmentation import AugmentationState
 from ..adversarial.matching import MatchingState
@@ -21,6 +21,7 @@ from ..data.sampling import batch_rows, spread_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
 from .recipe import Adam, Recipe
+from .shared_statistics import share_statistics
 
 LEVEL = math.radians(6)
 """Cameras count as level if the mean and the spread of their elevation are less together."""
@@ -83,9 +84,9 @@ class PanelState:
             **(self.matching.log() if self.matching else {}),
         }
 
-    def rows(self, batch: int, seed: int, draw: int, rank: int, world: int) -> Tensor:
-        """Return the rows of the `draw`-th batch of real images."""
-        return batch_rows(len(self.panel), batch, seed, draw, rank, world)
+    def rows(self, batch: int, seed: int, draw: int) -> Tensor:
+        """Return the rows of the `draw`-th batch of real images, of all processes."""
+        return batch_rows(len(self.panel), batch, seed, draw)
 
 
 class State:
@@ -113,9 +114,13 @@ class State:
     def _build_networks(self, recipe: Recipe) -> None:
         """Build generator and discriminators with new weights and optimisers."""
         self.generator = recipe.generator().to(self.device)
+        if recipe.normalise_over == "processes":
+            share_statistics(self.generator)
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
         built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
+        if recipe.normalise_over == "processes":
+            share_statistics(self.discriminators)
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
@@ -165,9 +170,11 @@ class State:
         half_life = min(half_life, max(self.counters.step / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
-            torch._foreach_lerp_(list(self.average.parameters()), list(self.generator.parameters()), rate)
-            for mean, new in zip(self.average.buffers(), self.generator.buffers(), strict=True):
-                mean.copy_(new)
+            mean: list[Tensor] = list(self.average.parameters())
+            new: list[Tensor] = list(self.generator.parameters())
+            torch._foreach_lerp_(mean, new, rate)  # pyright: ignore[reportPrivateImportUsage]
+            for held, now in zip(self.average.buffers(), self.generator.buffers(), strict=True):
+                held.copy_(now)
 
     def sampler(self) -> Generator:
         """Return the averaged generator as samples are drawn from it: with hulls if cameras are level by now."""
@@ -248,7 +255,11 @@ def begin_assignments(recipe: Recipe, seed: int | None = None) -> list[Assignmen
     """Begin the assignment of each panel, with the recipe's seed or another."""
     seed = recipe.seed if seed is None else seed
     seeds = [seed if i == 0 else derived_seed(seed, i, "panel") for i in range(len(recipe.panels))]
-    return [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+    begun = [panel.assignment.begin(panel, seed) for panel, seed in zip(recipe.panels, seeds, strict=True)]
+    if recipe.normalise_over == "processes":
+        for state in begun:
+            share_statistics(state)
+    return begun
 
 
 def load_module(module: nn.Module, tensors: dict[str, Tensor], prefix: str) -> None:
@@ -266,11 +277,6 @@ MEASURED = 2000
 def some_images(panel: Panel) -> Tensor:
     """Return images of a panel, evenly spread over its collections."""
     return panel.batch(spread_rows(len(panel), MEASURED), torch.device("cpu")).float()
-
-
-def latents_rng(seed: int, draw: int, panel: int, rank: int) -> torch.Generator:
-    """Return the generator of the latents drawn by one panel at one update."""
-    return generator_at(seed, draw, f"latents/{panel}/{rank}")
 
 
 def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:

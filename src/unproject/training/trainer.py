@@ -10,7 +10,7 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
-from ..networks import Generator
 from . import checkpoint
 from .balancing import Term, balanced_loss
 from .choosing import choose
@@ -27,7 +26,8 @@ from .health import EVERY, check, check_finite, diversity
 from .overfitting import adapt, held_out_logits
 from .recipe import Recipe
 from .recorder import Recorder
-from .state import PanelState, State, latents_rng
+from .state import PanelState, State
+from .training_context import TrainingContext
 
 SLOW = 10.0  # seconds of a step from which on a stop request is obeyed within it
 
@@ -109,8 +109,9 @@ class Trainer:
         self.state.load(self.before)
 
     def _codes(self, draw: int) -> Tensor:
-        rng = generator_at(self.recipe.seed, draw, f"codes/{self.distribution.rank}")
-        return self.state.generator.draw(self.recipe.batch // self.recipe.views_per_sample, rng).to(self.state.device)
+        rng = generator_at(self.recipe.seed, draw, "codes/0")
+        whole = self.state.generator.draw(self.distribution.world * self.recipe.samples, rng)
+        return self.distribution.own(whole).to(self.state.device)
 
     def _generate(self, code: Tensor) -> Tensor:
         with self._autocast():
@@ -124,13 +125,14 @@ class Trainer:
     def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
         self._check_stop()
         recipe, ranks = self.recipe, self.distribution
-        rows = panel.rows(recipe.batch, derived_seed(recipe.seed, index, "rows"), draw, ranks.rank, ranks.world)
-        fake = panel.assignment.project(x, rows, latents_rng(recipe.seed, draw, index, ranks.rank))
+        whole = panel.rows(recipe.batch * ranks.world, derived_seed(recipe.seed, index, "rows"), draw)
+        rows = ranks.own(whole)
+        fake = panel.assignment.project(x, rows, ranks.part(recipe.seed, draw, f"latents/{index}", whole))
         real, seen = panel.panel.batch(rows, fake.device).to(fake), fake
         if panel.augmentation is not None:
-            rng = generator_at(recipe.seed, draw, f"augmentation/{index}/{ranks.rank}")
+            rng = ranks.part(recipe.seed, draw, f"augmentation/{index}")
             real, fake = panel.augmentation(real, rng), panel.augmentation(fake, rng)
-        return Batch(panel, real, fake, panel.assignment.heads[rows].to(fake.device), rows, seen)
+        return Batch(panel, real, fake, panel.assignment.heads[rows].long().to(fake.device), rows, seen)
 
     def _update_discriminators(self, batches: list[Batch], draw: int, progress: float) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
@@ -150,7 +152,7 @@ class Trainer:
             if held_out is not None:
                 adapt(batch.panel, (real, held_out, fake), progress, self.distribution)
             if penalise and recipe.penalty is not None:
-                rng = generator_at(recipe.seed, draw, f"penalty/{index}/{self.distribution.rank}")
+                rng = self.distribution.part(recipe.seed, draw, f"penalty/{index}")
                 found = recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)
                 penalty = penalty + batch.panel.penalty_scale * found
         self._apply(state.discriminators, state.discriminator_optimiser, total + penalty)
@@ -168,7 +170,7 @@ class Trainer:
             weight, matching = batch.panel.panel.weight, batch.panel.matching
             terms.append(Term(weight, recipe.loss.generator(batch.real_logits, fake.float()), batch.panel))
             if matching is not None and matching.due(state.counters.step):
-                terms.append(Term(weight * matching.weight_at(progress), matching(batch.seen), matching))
+                terms.append(Term(weight * matching.weight_at(progress), matching(batch.seen, self.distribution.mean), matching))
         measure = recipe.balance_every > 0 and len(terms) > 1 and state.counters.step % recipe.balance_every == 0
         total, loss = balanced_loss(state, terms, self.distribution if measure else None)
         extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
@@ -266,38 +268,6 @@ class Trainer:
             (state.discriminator_optimiser, recipe.discriminator_optimiser),
         ):
             optimiser.param_groups[0]["lr"] = settings.rate_at(progress) * state.counters.rate_scale
-
-
-class TrainingContext:
-    """What the trainer offers an assignment before a step: `assignment.Context`."""
-
-    def __init__(self, trainer: Trainer, progress: float, panel: int) -> None:
-        self._trainer, self.progress, self._panel = trainer, progress, panel
-        self.stopping, self.restart = trainer.stopping, trainer.restart
-        self.subtask = trainer.recorder.subtask
-
-    @property
-    def step(self) -> int:
-        return self._trainer.state.counters.step
-
-    @property
-    def generator(self) -> Generator:
-        return self._trainer.state.average
-
-    @property
-    def device(self) -> torch.device:
-        return self._trainer.state.device
-
-    def save(self) -> None:
-        self._trainer.saved_at = None
-        self._trainer.save()
-
-    def record(self, **fields: Any) -> None:
-        panel = {"panel": self._panel} if self._panel else {}
-        self._trainer.record(**fields, **panel)
-
-    def synchronise(self, tensors: Iterable[Tensor]) -> None:
-        self._trainer.distribution.copy_from_leader(tensors)
 
 
 class Batch:

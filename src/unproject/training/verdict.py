@@ -111,7 +111,9 @@ def evidence(state: AssignmentState, x: Tensor, seed: int) -> Evidence:
     turns = zip((torch.arange(count) % len(x)).split(AT_ONCE), views.split(AT_ONCE), strict=True)
     generated = torch.cat([state.observe(x[which], some, rng) for which, some in turns])
     known = state.views if trained_on else state.held_out_heads
-    return Evidence(generated, views, real, known[rows] if state.fixes_gauge else None, panel.batch(others), apart)
+    return Evidence(
+        generated, views, real, known[rows].long() if state.fixes_gauge else None, panel.batch(others), apart
+    )
 
 
 def held_out_images(panel: Panel, seed: int) -> tuple[Tensor, Tensor]:

@@ -1,0 +1,67 @@
+"""Train toys by batches of BATCH in each process: `torchrun ... equal_batches.py FOLDER BATCH [mutant]`.
+
+`tests/test_processes.py` compares what one process with a batch of 8 and two with a batch of 4 write. The mutant draws
+in each process alone, as from a source of its own.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from toy import only_panel, toy, with_panel
+
+from unproject._random import generator_at
+from unproject.adversarial.adaptive import Adaptive
+from unproject.adversarial.augmentation import Affine, Sometimes
+from unproject.adversarial.matching import Matching
+from unproject.adversarial.penalties import GradientPenalty
+from unproject.assignment import LearnedLatent
+from unproject.training import Recipe, train, trainer
+from unproject.training.distribution import Distribution
+
+
+def elevation(recipe: Recipe) -> Recipe:
+    """Cameras whose elevation is learned."""
+    views = only_panel(recipe).observations
+    return with_panel(recipe, observations=views, learned=(LearnedLatent("elevation", 0.2, 0.1, 0.0, 1.0),))
+
+
+def held_out(recipe: Recipe) -> Recipe:
+    """Images held out, and an augmentation that follows the overfitting."""
+    train_on, kept = only_panel(recipe).collections[0].split(0.3)
+    return with_panel(recipe, data=train_on, held_out=kept).replace(
+        augmentation=Adaptive(Affine(), every=2, start=0.5), views_per_sample=2
+    )
+
+
+def recipes(batch: int) -> dict[str, Recipe]:
+    # Adam makes full steps of gradients that are zero but for rounding, as a bias has for losses of differences.
+    plain = {"steps": 5, "batch": batch, "loss": "hinge"}
+    return {
+        "known": toy(**plain, views="known", discriminator_steps=2).replace(penalty=GradientPenalty(10.0)),
+        "single": toy(**plain, views="single").replace(augmentation=Sometimes(Affine(), 0.3)),
+        "predicted": toy(**plain, draw="posterior", starts=(0.35,)),
+        "elevation": elevation(toy(**plain, views="single")),
+        "matched": toy(**plain, views="known").replace(matching=Matching()),
+        "held-out": held_out(toy(**plain, views="single")),
+    }
+
+
+def alone(self: Distribution, seed: int, step: int, stream: str, rows: object = None) -> torch.Generator:
+    return generator_at(seed, step, f"{stream}/{self.rank}")
+
+
+def main(folder: Path, batch: int, mutant: bool) -> None:
+    torch.set_num_threads(1)
+    trainer.EVERY = 1
+    if mutant:
+        Distribution.part = alone  # type: ignore[method-assign]
+    for name, recipe in recipes(batch).items():
+        train(replace(recipe, origin=None, normalise_over="processes"), folder / name, device="cpu", quiet=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:] == ["mutant"])
