@@ -41,7 +41,10 @@ def test_it_is_part_of_every_so_many_updates(every: int, updates: int, tmp_path:
 
 
 def test_its_gradient_reaches_the_generator_and_nothing_else(tmp_path: Path) -> None:
-    runs = [replace(recipe, steps=1) for recipe in (toy(views="known"), matched(weight=1e-9, final=0.0), matched(weight=1e3))]
+    runs = [
+        replace(recipe, steps=1)
+        for recipe in (toy(views="known"), matched(weight=1e-9, final=0.0), matched(weight=1e3))
+    ]
     without, light, heavy = (final(train(r, tmp_path / str(k), quiet=True).path) for k, r in enumerate(runs))
     for name, value in without.items():
         if name.startswith(("discriminators/", "discriminator_optimiser/")):
@@ -58,9 +61,9 @@ def test_it_sees_images_that_are_not_augmented(tmp_path: Path, monkeypatch: pyte
 
     most, forward = [], MatchingState.forward
 
-    def noted(self: MatchingState, images: torch.Tensor) -> torch.Tensor:
+    def noted(self: MatchingState, images: torch.Tensor, *others: Any) -> torch.Tensor:
         most.append(images.max().item())
-        return forward(self, images)
+        return forward(self, images, *others)
 
     monkeypatch.setattr(MatchingState, "forward", noted)
     train(replace(matched(every=1), augmentation=Added()), tmp_path / "run", quiet=True)

@@ -170,7 +170,9 @@ class Trainer:
             weight, matching = batch.panel.panel.weight, batch.panel.matching
             terms.append(Term(weight, recipe.loss.generator(batch.real_logits, fake.float()), batch.panel))
             if matching is not None and matching.due(state.counters.step):
-                terms.append(Term(weight * matching.weight_at(progress), matching(batch.seen, self.distribution.mean), matching))
+                terms.append(
+                    Term(weight * matching.weight_at(progress), matching(batch.seen, self.distribution.mean), matching)
+                )
         measure = recipe.balance_every > 0 and len(terms) > 1 and state.counters.step % recipe.balance_every == 0
         total, loss = balanced_loss(state, terms, self.distribution if measure else None)
         extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
