@@ -96,7 +96,7 @@ def test_two_batches_of_b_are_one_of_2b(tmp_path: Path) -> None:
     mutant = torchrun(script, tmp_path / "mutant", "4", "mutant")
     assert [done.returncode for done in (whole, halves, mutant)] == [0, 0, 0], halves.stderr
     equal, broken = (differences(tmp_path / "whole", tmp_path / name) for name in ("halves", "mutant"))
-    assert len(equal) == 5 and max(equal.values()) < TOLERANCE, equal
+    assert len(equal) == 6 and max(equal.values()) < TOLERANCE, equal
     assert max(broken.values()) > 10 * TOLERANCE, broken
 
 

@@ -880,7 +880,7 @@ NETWORKS = (
     ),
     mutant(
         "materials: fibres of large maps are longer",
-        "networks/materials.py",
+        "networks/texture_noise.py",
         "n = max(1, round(share * x.shape[axis] / times))",
         "n = max(1, round(share * x.shape[axis]))",
         "networks/test_materials.py::test_half_of_the_noise_is_grain",
@@ -3014,7 +3014,7 @@ TRUST = (
     ),
     mutant(
         "moments of other shapes are loaded",
-        "training/state.py",
+        "training/optimisers.py",
         "if fitting.get(key) != value.shape or len(tensors) % 3 or backwards:",
         "if key not in fitting or len(tensors) % 3 or backwards:",
         "test_trust.py::test_a_checkpoint_with_odd_entries",

@@ -10,7 +10,7 @@ import torch
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
-from unproject.networks.materials import normal_noise, stretched, white_noise
+from unproject.networks.texture_noise import normal_noise, stretched, white_noise
 from unproject.ops.maps import MAPS, check_maps
 from unproject.testing import check_generator
 

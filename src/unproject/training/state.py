@@ -20,7 +20,8 @@ from ..assignment import AssignmentState, Panel
 from ..data.sampling import batch_rows, spread_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
-from .recipe import Adam, Recipe
+from .optimisers import load_optimiser, optimiser_of, optimiser_tensors
+from .recipe import Recipe
 from .shared_statistics import share_statistics
 
 LEVEL = math.radians(6)
@@ -122,8 +123,8 @@ class State:
         if recipe.normalise_over == "processes":
             share_statistics(self.discriminators)
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
-        self.generator_optimiser = _optimiser(self.generator, recipe.generator_optimiser)
-        self.discriminator_optimiser = _optimiser(self.discriminators, recipe.discriminator_optimiser)
+        self.generator_optimiser = optimiser_of(self.generator, recipe.generator_optimiser)
+        self.discriminator_optimiser = optimiser_of(self.discriminators, recipe.discriminator_optimiser)
 
     def restart(self) -> None:
         """Give generator and discriminators new weights, as the released code does after round 1."""
@@ -207,7 +208,7 @@ class State:
         """Return every number of the state by name, on the CPU: what a checkpoint stores."""
         named = {f"{prefix}/{k}": v for prefix, module in self.modules() for k, v in module.state_dict().items()}
         for prefix, optimiser in self.optimisers():
-            named |= {f"{prefix}/{k}": v for k, v in _optimiser_tensors(optimiser).items()}
+            named |= {f"{prefix}/{k}": v for k, v in optimiser_tensors(optimiser).items()}
         for i, panel in enumerate(self.panels):
             named[f"panels/{i}/gradient_norm"] = torch.tensor(panel.gradient_norm, dtype=torch.float64)
         counters = {f"counters/{k}": torch.tensor(v, dtype=torch.float64) for k, v in vars(self.counters).items()}
@@ -228,7 +229,7 @@ class State:
         for prefix, module in self.modules():
             load_module(module, tensors, prefix)
         for prefix, optimiser in self.optimisers():  # an assignment says which it has once its module is loaded
-            _load_optimiser(optimiser, stripped(tensors, prefix))
+            load_optimiser(optimiser, stripped(tensors, prefix))
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
         self.kept = {k.removeprefix(KEPT): v for k, v in tensors.items() if k.startswith(KEPT)}
@@ -279,34 +280,7 @@ def some_images(panel: Panel) -> Tensor:
     return panel.batch(spread_rows(len(panel), MEASURED), torch.device("cpu")).float()
 
 
-def _optimiser(module: nn.Module, settings: Adam) -> TorchAdam:
-    # Fused: one pass over weights, gradients and moments, a third of the time of the plain one on a processor.
-    return TorchAdam(module.parameters(), settings.rate, (settings.beta1, settings.beta2), fused=True)
-
-
 def stripped(tensors: dict[str, Tensor], prefix: str, further: str = "") -> dict[str, Tensor]:
     """Return what is stored under `prefix`, by the names within it; of these only those that begin with `further`."""
     start = f"{prefix}/{further}"
     return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}
-
-
-def _optimiser_tensors(optimiser: TorchAdam) -> dict[str, Tensor]:
-    moments = optimiser.state_dict()["state"]
-    return {f"{i}/{name}": torch.as_tensor(v) for i, entry in moments.items() for name, v in entry.items()}
-
-
-def _load_optimiser(optimiser: TorchAdam, tensors: dict[str, Tensor]) -> None:
-    """Load the moments of weights. Raises UserError if they are no moments, or of other weights."""
-    state: dict[int, dict[str, Tensor]] = {}
-    weights = [weight for group in optimiser.param_groups for weight in group["params"]]
-    fitting = {f"{i}/{name}": w.shape for i, w in enumerate(weights) for name in ("exp_avg", "exp_avg_sq")}
-    fitting |= {f"{i}/step": torch.Size() for i in range(len(weights))}
-    for key, value in tensors.items():
-        backwards = key.endswith("/step") and bool((value < 0).any())
-        if fitting.get(key) != value.shape or len(tensors) % 3 or backwards:
-            raise UserError(
-                f"the checkpoint's optimisers do not fit this recipe ({key}); it is of another run or version"
-            )
-        index, name = key.split("/")
-        state.setdefault(int(index), {})[name] = value
-    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
