@@ -37,7 +37,7 @@ def band_statistics(images: Tensor) -> Tensor:
     for band in levels:
         inner, slopes = band[:, :, :-1, :-1], (band[:, :, :-1, 1:], band[:, :, 1:, :-1])
         along = [moved - inner for moved in slopes]
-        steepness = sum(slope[:, :1].square() for slope in along)
+        steepness = along[0][:, :1].square() + along[1][:, :1].square()
         energy = torch.cat([inner.square(), steepness], 1)
         fields = torch.cat([inner, *along, energy], 1).flatten(2)
         found.append(_within(fields))

@@ -18,7 +18,11 @@ from .state import State
 class Measured(Protocol):
     """What keeps the norm of a gradient."""
 
-    gradient_norm: float
+    @property
+    def gradient_norm(self) -> float: ...
+
+    @gradient_norm.setter
+    def gradient_norm(self, value: float) -> None: ...
 
 
 class Term(NamedTuple):
