@@ -120,7 +120,7 @@ def test_one_head_an_observation(views: Any, heads: int, volumes: Path) -> None:
     (panel,) = state.panels
     assert len(panel.discriminator.last.weight) == heads  # type: ignore[union-attr,arg-type]
     rows = torch.arange(3)
-    assert panel.discriminator(panel.panel.batch(rows), panel.assignment.heads[rows]).shape == (3,)
+    assert panel.discriminator(panel.panel.batch(rows), panel.assignment.heads[rows].long()).shape == (3,)
 
 
 def test_all_arms_see_the_same_silhouettes(volumes: Path) -> None:
