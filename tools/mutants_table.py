@@ -1921,6 +1921,13 @@ TRAINING = (
         f"{PANEL}::test_balanced_panels_contribute_alike",
     ),
     mutant(
+        "maps: photographs are compared with themselves",
+        "domains/maps.py",
+        "seen.others[seen.apart.all(0)]",
+        "seen.others",
+        "domains/test_maps.py",
+    ),
+    mutant(
         "matching: all statistics have one unit",
         "adversarial/matching.py",
         "s = (band_statistics(images.float()) - self.centre) / self.unit",
