@@ -1946,7 +1946,7 @@ TRAINING = (
         "adversarial/matching.py",
         "(_length(first) + _length(deviation - 1)).mean()",
         "_length(first).mean()",
-        f"{MATCHING}::test_materials_that_are_all_alike_are_not_as_real_ones",
+        f"{MATCHING}::test_images_that_are_all_alike_are_not_as_real_ones",
     ),
     mutant(
         "matching: the present batch counts alone",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 from torch import Tensor
@@ -51,13 +53,17 @@ def test_its_gradient_moves_a_correlation_to_that_of_real_images() -> None:
     assert rho.tanh().item() == pytest.approx(0.8, abs=0.05)
 
 
-def test_materials_that_are_all_alike_are_not_as_real_ones() -> None:
-    """The deviation between images counts: half of them with ρ = 0.9 and half with -0.9 are not all with 0."""
-    mixed = torch.cat([drawn(200, 0.9, 0), drawn(200, -0.9, 1)])
+def test_images_that_are_all_alike_are_not_as_real_ones() -> None:
+    """The deviation between images counts: half with more contrast and half with less are not all with the mean."""
+
+    def scaled(n: int, seed: int, logarithm: float) -> Tensor:
+        return (drawn(n, 0.5, seed) - 0.5) * math.exp(logarithm) + 0.5
+
+    mixed = torch.cat([scaled(200, 0, 0.5), scaled(200, 1, -0.5)])
     state, alike = Matching().begin(mixed), Matching().begin(mixed)
-    for k in range(60):
-        true = state(torch.cat([drawn(4, 0.9, 10 + k), drawn(4, -0.9, 90 + k)]))
-        false = alike(drawn(8, 0.0, 10 + k))
+    for k in range(100):
+        true = state(torch.cat([scaled(4, 10 + k, 0.5), scaled(4, 200 + k, -0.5)]))
+        false = alike(scaled(8, 10 + k, 0.0))
     assert false > 3 * true
 
 

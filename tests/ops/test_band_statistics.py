@@ -72,6 +72,14 @@ def test_energies_that_go_together_are_found_where_bands_do_not() -> None:
     assert abs(shared[0, 1]) < 0.05 and shared[6, 7] > alone[6, 7] + 0.1
 
 
+def test_slopes_have_their_own_axis() -> None:
+    """Stripes that run along x, and along y: the logarithm of the variance of ∂_x b, and of ∂_y b."""
+    along_x = noise(2, 1)[:, :, :, :1].expand(-1, -1, -1, 32)
+    for image, slope in ((along_x, 2), (along_x.mT, 1)):
+        variances = band_statistics(image)[:, 1:][:, :5]
+        assert (variances[:, slope] - variances[:, 3 - slope]).min() > 5
+
+
 def test_colours_are_opponent() -> None:
     grey = noise(2, 1).expand(-1, 3, -1, -1)
     assert opponent(grey)[:, 1:].abs().max() < 1e-6
