@@ -226,3 +226,28 @@ def test_what_processes_send_is_counted(named: object, monkeypatch: pytest.Monke
     assert counter.read()[:2] == [2, 14]
     monkeypatch.setattr(processes, "WARM", 0)
     assert processes.steps(1, 16, 8, 8, None)["cpu_seconds"] > 0
+
+
+def test_materials_with_and_without_matching_are_compared(
+    named: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [
+        "--out",
+        str(tmp_path),
+        "--data",
+        "plastic",
+        "--weights",
+        "0",
+        "2",
+        "--steps",
+        "1",
+        "--size",
+        "16",
+        "--n",
+        "20",
+    ]
+    for _ in range(2):  # the second time all arms are there
+        named("matching").main(words)  # type: ignore[operator]
+        lines = (tmp_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
+        assert len(lines) == 2 and capsys.readouterr().out.count("| plastic |") == 2
+    assert (tmp_path / "plastic-2-0.png").is_file()
