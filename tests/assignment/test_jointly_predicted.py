@@ -89,7 +89,7 @@ def test_an_update_is_a_step_of_averaged_gradients() -> None:
     state.loss(fake, rows, 0.0).backward()
     seen: list[torch.nn.Module] = []
     state.update(lambda module: seen.append(module))
-    (averaged,) = seen
+    averaged, _ = seen  # and what the information of projections is averaged by
     parameters = list(state.trained.parameters())
     assert {id(p) for p in parameters} <= {id(p) for p in averaged.parameters()}
     assert max(float((p - q).detach().abs().max()) for p, q in zip(parameters, before)) == pytest.approx(0.01, rel=1e-3)
