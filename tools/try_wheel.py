@@ -33,7 +33,7 @@ COMMANDS = (
 SHIPPED = """
 import torch, numpy, unproject
 from unproject.ops import _native
-libraries = {source: _native._library(source) for source in ("line_integrals", "shading", "straight_rays")}
+libraries = {source: _native._library(source) for source in ("line_integrals", "ray_rules", "shading", "straight_rays")}
 own = all(library and "/kernels/" in library._name for library in libraries.values())
 print(torch.__version__, numpy.__version__, torch.backends.cpu.get_cpu_capability(), "own" if own else "NONE")
 """

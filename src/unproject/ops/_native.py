@@ -15,6 +15,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,18 @@ def pointer(x: Tensor) -> ctypes.c_void_p:
     """Return the address of the elements of a contiguous tensor."""
     assert x.is_contiguous()
     return ctypes.c_void_p(x.data_ptr())
+
+
+def divided(count: int, part: Callable[[int, int], None]) -> None:
+    """Call part(start, end) for equal parts of a batch of `count`, each on one of torch's threads."""
+    few = -(-count // torch.get_num_threads()) or 1
+    starts = range(0, count, few)
+    if len(starts) < 2:
+        for start in starts:
+            part(start, count)
+        return
+    with ThreadPoolExecutor(len(starts)) as pool:
+        list(pool.map(lambda start: part(start, min(start + few, count)), starts))
 
 
 @cache

@@ -9,13 +9,12 @@ volume and stores none; the plain reference is `ray_sums_plain`.
 from __future__ import annotations
 
 import ctypes
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from ._native import kernel, pointer
+from ._native import divided, kernel, pointer
 from .resampling import ray_points, sample_volume
 
 
@@ -99,16 +98,10 @@ def _run(task: str, tensors: tuple[Tensor, ...], shape: Any, samples: int, depth
     """Run the kernel on (B, ...) tensors, the batch divided between torch's threads."""
     tensors = tuple(tensor.contiguous() for tensor in tensors)
     call, rays = _kernel(task, tensors[0]), tensors[1].shape[1:-1].numel()
-    few = -(-shape[0] // torch.get_num_threads()) or 1
 
-    def part(start: int) -> None:
-        pointers = [pointer(tensor[start : start + few]) for tensor in tensors]
-        batch = min(few, shape[0] - start)
-        call(ctypes.byref(Job(*pointers, *[None] * (6 - len(pointers)), batch, *shape[1:], rays, samples, depth)))
+    def part(start: int, end: int) -> None:
+        pointers = [pointer(tensor[start:end]) for tensor in tensors]
+        nothing = [None] * (6 - len(pointers))
+        call(ctypes.byref(Job(*pointers, *nothing, end - start, *shape[1:], rays, samples, depth)))
 
-    starts = range(0, shape[0], few)
-    if len(starts) < 2:
-        list(map(part, starts))
-        return
-    with ThreadPoolExecutor(len(starts)) as pool:
-        list(pool.map(part, starts))
+    divided(shape[0], part)
