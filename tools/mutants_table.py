@@ -2277,6 +2277,13 @@ PHOTOGRAPHS = (
         "ops/test_ray_rules.py",
     ),
     mutant(
+        "processes: the agent leaves its folder behind",
+        "cli/_processes.py",
+        "logs_specs=DefaultLogsSpecs(log_dir=reports),",
+        "logs_specs=DefaultLogsSpecs(),",
+        "test_processes.py::test_one_process_that_fails_ends_all_with_one_line",
+    ),
+    mutant(
         "device: codes stay on the processor",
         "training/trainer.py",
         "return self.distribution.own(whole).to(self.state.device)",
