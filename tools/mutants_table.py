@@ -2279,7 +2279,7 @@ PHOTOGRAPHS = (
     mutant(
         "processes: the agent leaves its folder behind",
         "cli/_processes.py",
-        "logs_specs=DefaultLogsSpecs(log_dir=reports),",
+        "logs_specs=DefaultLogsSpecs(log_dir=os.devnull),",
         "logs_specs=DefaultLogsSpecs(),",
         "test_processes.py::test_one_process_that_fails_ends_all_with_one_line",
     ),

@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -53,20 +52,19 @@ def launch(words: Sequence[str], count: int) -> int:
     # Threads of several processes would wait for one another's processors.
     os.environ.setdefault("OMP_NUM_THREADS", str(max((os.cpu_count() or 1) // count, 1)))
     logging.disable(logging.CRITICAL)  # the agent's own report of a failure
+    config = LaunchConfig(
+        min_nodes=1,
+        max_nodes=1,
+        nproc_per_node=count,
+        run_id="unproject",
+        rdzv_backend="c10d",
+        rdzv_endpoint="localhost:0",
+        max_restarts=0,
+        monitor_interval=0.1,
+        logs_specs=DefaultLogsSpecs(log_dir=os.devnull),  # the agent would leave a folder behind
+    )
     try:
-        with tempfile.TemporaryDirectory(prefix="unproject-") as reports:  # the agent leaves its folder behind
-            config = LaunchConfig(
-                min_nodes=1,
-                max_nodes=1,
-                nproc_per_node=count,
-                run_id="unproject",
-                rdzv_backend="c10d",
-                rdzv_endpoint="localhost:0",
-                max_restarts=0,
-                monitor_interval=0.1,
-                logs_specs=DefaultLogsSpecs(log_dir=reports),
-            )
-            elastic_launch(config, sys.executable)("-m", "unproject", *words)
+        elastic_launch(config, sys.executable)("-m", "unproject", *words)
     except ChildFailedError as error:
         rank, failure = error.get_first_failure()
         return _failed(rank, count, failure.exitcode)
