@@ -102,8 +102,7 @@ struct Weights {
 };
 
 template <class T, Rule rule>
-void forward(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, T* values,
-             T* running) {
+void forward(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, T* values, T* running) {
     const int64_t y = job.y, row = (job.z + 2) * y, count = rule == SAMPLES ? job.samples * y : y;
     std::fill_n(values, count, T(rule == ANY));
     std::fill_n(running, y, T(0));
@@ -131,8 +130,8 @@ inline T pull(T q, T of, T passed, T& running) {
 }
 
 template <class T, Rule rule>
-void back(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, const T* of,
-          const T* passed, T* running, Columns<T>& gradient) {
+void back(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, const T* of, const T* passed, T* running,
+          Columns<T>& gradient) {
     const int64_t y = job.y, row = (job.z + 2) * y;
     if (rule != SAMPLES && std::all_of(of, of + y, [](T g) { return g == 0; })) return;
     std::fill_n(running, y, T(0));
@@ -152,8 +151,8 @@ void back(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, c
 
 // The derivative of ⟨values, of⟩ by the angle.
 template <class T, Rule rule>
-T slope(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, const T* of,
-        const T* passed, T* running, T* total) {
+T slope(const Job& job, const Columns<T>& columns, int64_t b, int64_t pixel, const T* of, const T* passed, T* running,
+        T* total) {
     const int64_t y = job.y, row = (job.z + 2) * y;
     std::fill_n(running, y, T(0));
     std::fill_n(total, y, T(0));
@@ -201,7 +200,7 @@ void run(const Job& job) {
 
 }  // namespace
 
-#define RULE(name, rule, T, kind)                                                     \
+#define RULE(name, rule, T, kind)                                                          \
     extern "C" void name##_forward_##kind(const Job* job) { run<T, rule, FORWARD>(*job); } \
     extern "C" void name##_back_##kind(const Job* job) { run<T, rule, BACK>(*job); }       \
     extern "C" void name##_slope_##kind(const Job* job) { run<T, rule, SLOPE>(*job); }

@@ -2,7 +2,7 @@
 
 `ray_rules.cpp` walks along each ray of a plane for all heights at once, and takes what a rule needs of its samples; the
 gradient walks along it again. Values are those of `azimuth.ray_samples` with the rules of `occupancy`, which is the
-plain reference and what runs on other devices, in a third derivative, and where there is no compiler.
+plain reference, and what runs on other devices and without a compiler.
 """
 
 from __future__ import annotations
