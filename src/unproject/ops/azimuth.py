@@ -167,8 +167,8 @@ def resample_heights(volume: Tensor, size: int, viewport: float | Tensor, offset
 
 
 def _columns(volume: Tensor) -> Tensor:
-    """Return the table of columns, (Z B X, Y): the order that one (fast) matrix transposition gives."""
-    return volume.reshape(-1, volume.shape[3]).t().contiguous().view(-1, volume.shape[2])
+    """Return the table of columns, (Z B X, Y): whole rows are copied of volumes whose heights lie side by side."""
+    return volume.permute(3, 0, 1, 2).reshape(-1, volume.shape[2])
 
 
 class _Multiply(torch.autograd.Function):
