@@ -81,7 +81,7 @@ class _Linear(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, values: Tensor, azimuth: Tensor, rays: PlaneRays, rule: RayRule, back: bool) -> Tensor:
-        ctx.save_for_backward(values, azimuth)
+        ctx.save_for_backward(values if ctx.needs_input_grad[1] else None, azimuth)  # a slope alone needs them
         ctx.rest, ctx.back = (rays, rule), back
         if back:
             return _back(rays, rule, values, None, None)
