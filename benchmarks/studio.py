@@ -8,7 +8,8 @@ and Playwright are needed (docs/studio.md). Prints one JSON object:
     first_picture_s     from the start of the page to the first picture of 50 runs
     mesh_ms             from a slider's move to the mesh on the canvas: median, and 95th of 100
     rendering_ms        of 256 × 256 pixels, from the drag to the picture: median, and 95th of 100
-    clicks, errors, requests_elsewhere, memory_mb    of random clicking; memory of the server at each tenth of the time
+    clicks, errors, requests_elsewhere    of random clicking
+    memory_mb, page_mb    of the server, and of the page's objects, at each tenth of the time
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Error, Page, sync_playwright
+from playwright.sync_api import CDPSession, Error, Page, sync_playwright
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 RUNS, MOVES = 50, 100
@@ -63,6 +64,12 @@ def started(folder: Path) -> tuple[subprocess.Popen[str], str]:
 def memory_mb(process: subprocess.Popen[str]) -> float:
     status = Path(f"/proc/{process.pid}/status").read_text()
     return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024  # pyright: ignore[reportOptionalSubscript]
+
+
+def heap_mb(devtools: CDPSession) -> float:
+    """Return what the page's objects take, once what nothing refers to is gone."""
+    devtools.send("HeapProfiler.collectGarbage")
+    return devtools.send("Runtime.getHeapUsage")["usedSize"] / 2**20
 
 
 def first_picture(page: Page, address: str) -> float:
@@ -125,10 +132,11 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
         lambda response: wrong.append(response.url) if response.status >= 500 and response.status != 503 else None,
     )
     began, clicks, memory = time.perf_counter(), 0, []
+    devtools = page.context.new_cdp_session(page)
     while time.perf_counter() - began < 60 * minutes:
         if clicks % 25 == 0:
             page.goto(f"{address}#/{draw.choice(PLACES)}")
-            memory.append(memory_mb(process))
+            memory.append((memory_mb(process), heap_mb(devtools)))
         try:
             page.evaluate(CLICK, draw.random())
         except Error as error:  # it went to another page meanwhile
@@ -137,8 +145,15 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
         page.wait_for_timeout(150)
         clicks += 1
     elsewhere = [url for url in asked if not url.startswith((address, "data:", "blob:"))]
-    levels = [round(memory[k * (len(memory) - 1) // 10]) for k in range(11)]
-    return {"minutes": minutes, "clicks": clicks, "errors": wrong, "requests_elsewhere": elsewhere, "memory_mb": levels}
+    levels = [memory[k * (len(memory) - 1) // 10] for k in range(11)]
+    return {
+        "minutes": minutes,
+        "clicks": clicks,
+        "errors": wrong,
+        "requests_elsewhere": elsewhere,
+        "memory_mb": [round(server) for server, _ in levels],
+        "page_mb": [round(heap, 1) for _, heap in levels],
+    }
 
 
 def main() -> None:

@@ -281,7 +281,10 @@ def test_the_demo_leaves_pictures_and_meshes(
     names = {path.name for path in out.iterdir()}
     assert {"silhouettes.png", "chairs.png", "turntable.gif", "run"} <= names
     assert len(list(out.rglob("*.glb"))) == 16
-    assert "turntable.gif" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "turntable.gif" in printed
+    assert "verdict: " in printed
+    assert (out / "run" / "verdict.json").is_file()
     assert "holds a demo already" in refused("demo", "--out", out)
 
 

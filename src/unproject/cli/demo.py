@@ -8,13 +8,14 @@ from pathlib import Path
 from .._types import UserError
 from ._machine import use_threads, warn_if_empty
 from ._report import leave_report
+from ._verdict import conclude
 
 
 def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, threads: int | None = None) -> None:
     """Learn chairs from 16000 unlabelled silhouettes, without views or shapes, on this machine.
 
     Writes into --out: silhouettes.png (the data), chairs.png (a contact sheet of new chairs), turntable.gif,
-    glb/shape_NN.glb for Blender or any viewer, and run/, the run directory.
+    glb/shape_NN.glb for Blender or any viewer, and run/, the run directory. Ends with the run's verdict in one line.
 
     Args:
         out: where to put it all.
@@ -45,5 +46,6 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
         export.turntable(chairs, out / "turntable.gif")
         export.glb(chairs, out / "glb")
         written += ", turntable.gif, glb/"
+    conclude(trained, quiet=False)
     leave_report(trained, quiet=False)
     print(f"{out}: {written} after {(time.monotonic() - began) / 60:.1f} minutes")
