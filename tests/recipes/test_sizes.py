@@ -198,6 +198,12 @@ def test_inspect_shows_what_would_be_learned_from(tmp_path: Path, capsys: pytest
         assert main(["data", "inspect", str(data), "--json"]) == 0
         wanted = 64 if side == 100 else 32
         assert json.loads(capsys.readouterr().out)["shape"] == [2, 1, wanted, wanted]
+        assert main(["data", "inspect", str(data)]) == 0
+        said = capsys.readouterr().out.splitlines()[-1].strip()
+        assert said.startswith(f"shapes are learned at {wanted} voxels a side")
+        assert said.endswith("; with --minutes under 30 at 32") == (wanted == 64)
+        assert main(["data", "inspect", str(data), "--size", "48"]) == 0
+        assert "are learned at" not in capsys.readouterr().out
 
 
 def test_descriptions_differ_by_size(tmp_path: Path) -> None:

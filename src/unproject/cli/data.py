@@ -65,8 +65,19 @@ def run(
     if not found.collections:
         name, _, _, reason = found.rows[0]
         raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one")
+    if for_ == "shapes" and size is None and not json:
+        _say_size(path)
     if out is not None:
         _write_sheet(found, out)
+
+
+def _say_size(path: Path) -> None:
+    """Say at what size these pictures are learned, which the budget decides too."""
+    from ..recipes.sizes import LEAST_MINUTES, SMALL
+
+    chosen = _size_of("shapes", path)
+    short = f"; with --minutes under {LEAST_MINUTES:g} at {SMALL}" if chosen > SMALL else ""
+    print(f"  shapes are learned at {chosen} voxels a side{short}")
 
 
 MATERIALS = ("wood", "metal", "plastic", "correlated")
