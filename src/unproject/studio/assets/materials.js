@@ -127,6 +127,7 @@ export function materialsPanel(root, query) {
     clearTimeout(rest);
     document.removeEventListener("dragover", over);
     document.removeEventListener("drop", drop);
+    URL.revokeObjectURL(image.src);
   };
 }
 
