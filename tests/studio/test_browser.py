@@ -192,6 +192,30 @@ def test_keys_change_panels_samples_and_download(tab: Tab) -> None:
     assert tab.page.is_visible("#keys")
 
 
+def test_the_next_sample_may_be_asked_for_before_the_first_are_shown(tab: Tab) -> None:
+    held: list[Any] = []
+    tab.page.route("**/api/grid?*", lambda route: held.append(route))
+    tab.go("explore?run=chairs")
+    tab.drawn()
+    tab.page.keyboard.press("n")
+    tab.page.wait_for_function("() => location.hash.includes('pick=1')")
+    held[0].continue_()
+    tab.page.wait_for_selector(".cells button[value='1'][aria-pressed=true]")
+    assert len(held) == 1 and "page=0" in held[0].request.url
+
+
+def test_a_full_queue_is_waited_for(tab: Tab) -> None:
+    answers = [503, 503]
+
+    def answer(route: Any) -> None:
+        route.fulfill(status=answers.pop(), json={"error": "wait a moment"}) if answers else route.continue_()
+
+    tab.page.route("**/api/grid?*", answer)
+    tab.go("explore?run=chairs")
+    tab.page.wait_for_selector(".cells button")
+    assert not answers and tab.page.is_hidden("#trouble")
+
+
 def test_a_material_is_lit_and_its_maps_are_downloaded(tab: Tab, tmp_path: Path) -> None:
     tab.go("materials?run=wood")
     tab.until("samples a pixel")

@@ -40,19 +40,25 @@ export function address(path, query = {}) {
   return path + (given.length ? `?${new URLSearchParams(given)}` : "");
 }
 
-// JSON from the server; what goes wrong is an Error with its words.
-export async function ask(path, query, options) {
-  let answer;
-  try {
-    answer = await fetch(address(path, query), { signal: open.left.signal, ...options });
-  } catch (error) {
-    if (error.name === "AbortError") throw error;
-    throw new Error("The studio does not answer; is it still running?");
+// The server's answer; what goes wrong is an Error with its words. A full queue is waited for, ten seconds at most.
+export async function answerTo(path, query, options) {
+  const { signal } = open.left; // what a panel has asked for is not waited for once it is left
+  for (let left = 20; ; left--) {
+    let answer;
+    try {
+      answer = await fetch(address(path, query), { signal, ...options });
+    } catch (error) {
+      if (error.name === "AbortError") throw error;
+      throw new Error("The studio does not answer; is it still running?");
+    }
+    if (answer.ok) return answer;
+    const { error } = await answer.json();
+    if (answer.status !== 503 || (options && options.method) || !left) throw new Error(error || answer.statusText);
+    await new Promise((done) => setTimeout(done, 500));
   }
-  const found = await answer.json();
-  if (!answer.ok) throw new Error(found.error || answer.statusText);
-  return found;
 }
+
+export const ask = async (...asked) => (await answerTo(...asked)).json();
 
 export function say(error) {
   if (error && error.name === "AbortError") return;
@@ -101,9 +107,6 @@ export function latest(work) {
     busy = false;
   };
 }
-
-// What a panel has asked for is not waited for once it is left.
-export const left = () => open.left.signal;
 
 function open() {
   close();

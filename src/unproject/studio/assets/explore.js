@@ -107,16 +107,18 @@ function fillControls(controls, place, changed) {
   controls.append(make("h2", "Change it"), mix.row, ...sliders.map((one) => one.row), truncation.row, make("div.bar", reset), says);
 }
 
+const PAGE = 24; // samples a page of the grid, as the server has it
+
 export async function fillGrid(grid, query, place, changed) {
   const second = make("button", { type: "button", "aria-pressed": "false" }, "Go towards another");
   const pages = make("span"), cells = make("div.cells"), steps = ["p", "n"].map((key) => make("button", { type: "button", title: `key ${key.toUpperCase()}`, "aria-label": key === "n" ? "next sample" : "sample before" }, key === "n" ? "→" : "←"));
   const bar = make("div.bar", ...steps, second, pages);
-  let total = 24, at = 0;
+  let total = PAGE, at = 0;
   steps.forEach((button, k) => {
     button.dataset.key = "pn"[k];
     button.onclick = async () => {
       place.pick = (place.pick + (k ? 1 : -1) + total) % total;
-      const wanted = Math.floor(place.pick / cells.children.length);
+      const wanted = Math.floor(place.pick / PAGE);
       if (wanted !== at) await page(wanted).catch(say);
       end();
     };
@@ -165,5 +167,5 @@ export async function fillGrid(grid, query, place, changed) {
     return found;
   }
   if (place.other !== null) second.textContent = "End the way between two";
-  return page(Math.floor(place.pick / 24));
+  return page(Math.floor(place.pick / PAGE));
 }

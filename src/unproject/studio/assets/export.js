@@ -1,5 +1,5 @@
 // Export: whatever is on screen as a file.
-import { address, make, say } from "/assets/app.js";
+import { answerTo, make, say } from "/assets/app.js";
 
 const SAYS = {
   glb: "Mesh (.glb)", obj: "Mesh (.obj)", ply: "Mesh (.ply)", vox: "Voxels (.vox)", gif: "Turntable (.gif)",
@@ -16,8 +16,7 @@ export function store(blob, name) {
 
 // Fetches a file and stores it; what goes wrong is said on the page, not stored.
 export async function download(path, query) {
-  const answer = await fetch(address(path, query));
-  if (!answer.ok) throw new Error((await answer.json()).error);
+  const answer = await answerTo(path, query, { signal: null }); // it goes on when the panel is left
   const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") || "");
   store(await answer.blob(), name ? name[1] : "file");
 }

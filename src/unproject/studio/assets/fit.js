@@ -1,5 +1,5 @@
 // Fit: a picture is dropped, and the sample behind it is found while one watches.
-import { address, ask, keep, make, say } from "/assets/app.js";
+import { answerTo, ask, keep, make, say } from "/assets/app.js";
 import { chooseRun } from "/assets/choose.js";
 import { stageView, title } from "/assets/explore.js";
 import { exportBar } from "/assets/export.js";
@@ -136,8 +136,7 @@ export function fitPanel(root, query) {
 
 // One of the pictures that the run has, but was not trained on if there are such, as a file.
 async function ownPicture(run) {
-  const answer = await fetch(address("/api/mask", { run, number: Math.floor(1e6 * Math.random()) }));
-  if (!answer.ok) throw new Error((await answer.json()).error);
+  const answer = await answerTo("/api/mask", { run, number: Math.floor(1e6 * Math.random()) });
   return [/filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition"))[1], await answer.blob()];
 }
 

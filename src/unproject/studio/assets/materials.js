@@ -1,5 +1,5 @@
 // Materials: a tile, a plane or a ball under a light; the server's own operator renders it.
-import { address, ask, keep, latest, left, make, say } from "/assets/app.js";
+import { answerTo, ask, keep, latest, make, say } from "/assets/app.js";
 import { chooseRun } from "/assets/choose.js";
 import { fillGrid, title } from "/assets/explore.js";
 import { exportBar, store } from "/assets/export.js";
@@ -29,8 +29,7 @@ export function materialsPanel(root, query) {
   const where = () => ({ run: query.run, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix });
   const render = latest(async (samples) => {
     const began = performance.now();
-    const answer = await fetch(address("/api/render", { ...where(), ...seen, samples }), { signal: left() });
-    if (!answer.ok) throw new Error((await answer.json()).error);
+    const answer = await answerTo("/api/render", { ...where(), ...seen, samples });
     const before = image.src;
     image.src = URL.createObjectURL(await answer.blob());
     await image.decode();
