@@ -13,6 +13,7 @@ of its own, all begun with the weights of one short training, and views given ev
     augmentation   without it: no picture held out, none augmented
     both           without the two
     Connected      without it
+    float32        the default in single precision, where it is in bfloat16: how many times the time that takes
 
 The arms alternate step by step, in CPU seconds, so that other work on the machine slows all alike. A turn is eight
 steps of each, the period of the gradient penalty. With t and t' the seconds of steps as it is and without, and of each
@@ -34,6 +35,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 import silhouettes
@@ -54,7 +56,7 @@ CHAIRS, EACH, PERIOD, NEVER = 100, 16, 8, 10**9
 """Shapes, silhouettes of each, steps of a turn, and a budget of which these steps spend nothing."""
 STRENGTH, DUE = 0.8, 0.02
 """The most that `Adaptive` rises to, and a part of the budget at which a round is due."""
-ROUNDS, MINUTES, WHOLE = 40, 20, "as it is"
+ROUNDS, MINUTES, WHOLE, SINGLE = 40, 20, "as it is", "float32"
 ASKED, TIMES, TILTED = 0.1, 15.0, 3.0
 
 
@@ -72,7 +74,7 @@ class Arm:
     """A name, the flags and the change that make its recipe, and the strength of its augmentation."""
 
     name: str
-    flags: dict[str, float]
+    flags: dict[str, Any]
     change: Callable[[Recipe], Recipe] = lambda recipe: recipe
     strength: float = STRENGTH
 
@@ -85,6 +87,7 @@ ARMS = (
     Arm("augmentation", {"augment": False}),
     Arm("both", {"augment": False, "tries": 1}, plain_views),
     Arm("Connected", {"connected": 0.0}),
+    Arm(SINGLE, {"precision": "float32"}),
 )
 
 
@@ -92,7 +95,7 @@ class Timed:
     """A training of one arm, of which single blocks of steps and single rounds are timed."""
 
     def __init__(self, arm: Arm, data: Path, size: int, folder: Path, recorder: Recorder) -> None:
-        recipe = arm.change(shapes(data=data, size=size, **arm.flags))  # type: ignore[arg-type]
+        recipe = arm.change(shapes(data=data, size=size, **arm.flags))
         recipe = recipe.replace(steps=NEVER, checkpoint_every=NEVER)
         self.trainer = Trainer(recipe, folder, recorder, distribution=Distribution("cpu"))
         self.arm, (self.panel,) = arm, self.trainer.state.panels
@@ -167,7 +170,7 @@ def step_table(size: int, seconds: dict[str, np.ndarray], rounds: dict[str, floa
     lines = [f"| {size}³, without | seconds a step | share of a step | halves of the turns | asked |", "|---" * 5 + "|"]
     lines.append(f"| nothing | {typical(whole):.3f} | | | |")
     for name, column in seconds.items():
-        if name == WHOLE:
+        if name in (WHOLE, SINGLE):
             continue
         found, halves = share(whole, column), [share(whole[k::2], column[k::2]) for k in range(2) if len(whole) > 1]
         asked = "" if name != "both" else f"at most {ASKED:.0%}: " + ("met" if found <= ASKED else "MISSED")
@@ -176,7 +179,9 @@ def step_table(size: int, seconds: dict[str, np.ndarray], rounds: dict[str, floa
     joint, plain = rounds[WHOLE], rounds["information"]
     spared = ROUNDS * (plain - joint) / (60 * MINUTES)
     told = f"A round of {CHAIRS * EACH} pictures: {joint:.2f} s, without information {plain:.2f} s; {ROUNDS} rounds"
-    return "\n".join([*lines, "", f"{told} spare {spared:.1%} of a run of {MINUTES} minutes"])
+    times = typical(seconds[SINGLE]) / typical(whole)
+    single = f"In float32 a step takes {typical(seconds[SINGLE]):.3f} s, {times:.2f} times the time"
+    return "\n".join([*lines, "", f"{told} spare {spared:.1%} of a run of {MINUTES} minutes", single])
 
 
 def silhouette_table(found: dict[str, dict[str, float]]) -> str:

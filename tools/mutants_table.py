@@ -2840,6 +2840,27 @@ SIZES = (
         "ops/test_layout.py",
     ),
     mutant(
+        "precision: a run changes it with the processor",
+        "recipes/shapes.py",
+        "@in_fast_precision\n@resumable\ndef shapes(",
+        "@resumable\n@in_fast_precision\ndef shapes(",
+        "recipes/test_precision.py::test_a_run_keeps_its_precision_on_another_processor",
+    ),
+    mutant(
+        "precision: runs that hold none go on in the processor's",
+        "training/run_directory.py",
+        '{"precision": "float32", **arguments}',
+        "{**arguments}",
+        "recipes/test_precision.py::test_a_run_of_before_recipes_chose_one_goes_on_in_float32",
+    ),
+    mutant(
+        "precision: processors without instructions for it compute in bfloat16",
+        "recipes/precision.py",
+        'capabilities.get("avx512_bf16") or',
+        'capabilities.get("avx2") or',
+        "recipes/test_precision.py::test_float32_elsewhere",
+    ),
+    mutant(
         "size: direct training is at 64 voxels",
         "recipes/sizes.py",
         'short or arguments.get("views") == "direct"',

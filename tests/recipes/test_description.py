@@ -82,7 +82,7 @@ CHANGES = [
 
 @pytest.mark.parametrize("change", CHANGES, ids=str)
 def test_any_change_changes_the_description(change: dict[str, Any], volumes: Path) -> None:
-    plain = {"data": volumes, "size": 16, "views_per_shape": 2}
+    plain = {"data": volumes, "size": 16, "views_per_shape": 2, "precision": "float32"}
     assert text(shapes(**plain)) != text(shapes(**{**plain, **change}))
 
 

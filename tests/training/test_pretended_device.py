@@ -19,7 +19,7 @@ from unproject.training.recorder import Recorder
 from unproject.training.trainer import Trainer
 from unproject.training.verdict import judge
 
-SMALL = {"size": 16, "channels": 16, "steps": 4}
+SMALL = {"size": 16, "channels": 16, "steps": 4, "precision": "float32"}  # torch.autocast looks for a real device
 VIEWS = {"bins": 4, "views_per_shape": 2}
 MAPS = {"maps": 4, "renderings": 2, "discriminator_channels": 4}
 FLAGS: dict[str, dict[str, Any]] = {

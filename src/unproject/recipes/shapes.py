@@ -21,6 +21,7 @@ from ..networks import Discriminator, VoxelGenerator
 from ..projections.silhouette import Silhouette, mirrored_views
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, jointly_predicted, panel_of
+from .precision import in_fast_precision
 from .shape_panels import (
     discriminator_of,
     falling_adam,
@@ -36,6 +37,7 @@ from .sizes import sized_by_data, steps_of
 
 
 @sized_by_data
+@in_fast_precision
 @resumable
 def shapes(
     *,

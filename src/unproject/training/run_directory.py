@@ -135,8 +135,12 @@ def read_recipe(path: Path) -> dict[str, Any]:
 def read_origin(path: Path) -> Origin | None:
     """Return how the run's recipe was made, or None if no recipe function made it."""
     stored = read_recipe(path)
-    origin = Origin(stored["recipe"], stored["function"], stored["arguments"])
-    return origin if origin.function else None
+    recipe, function, arguments = stored["recipe"], stored["function"], stored["arguments"]
+    if not function:
+        return None
+    if function.startswith("unproject."):  # runs of before recipes chose a precision are in float32
+        arguments = {"precision": "float32", **arguments}
+    return Origin(recipe, function, arguments)
 
 
 def check_same(path: Path, recipe: Recipe) -> None:

@@ -177,7 +177,8 @@ class Trainer:
         total, loss = balanced_loss(state, terms, self.distribution if measure else None)
         extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
         for batch in batches:
-            extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)
+            with self._autocast():
+                extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)
         self._apply(state.generator, state.generator_optimiser, loss + extra)
         for panel in state.panels:
             panel.update(self.distribution.average_gradients)

@@ -1,0 +1,40 @@
+"""Precision: bfloat16 where the processor multiplies in it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Literal, ParamSpec
+
+import torch
+
+from ..training import Recipe
+
+P = ParamSpec("P")
+
+
+def fast_precision() -> Literal["float32", "bfloat16"]:
+    """Return bfloat16 if this processor has instructions for it, and no GPU takes its place, else float32.
+
+    The processor decides rather than a measurement, which other programs disturb: the same command makes the same run.
+    GPUs were not measured.
+    """
+    if torch.cuda.is_available():
+        return "float32"
+    capabilities = getattr(torch.cpu, "get_capabilities", dict)()  # older PyTorch does not tell
+    return "bfloat16" if capabilities.get("avx512_bf16") or capabilities.get("amx_bf16") else "float32"
+
+
+def in_fast_precision(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
+    """Give a recipe function the precision that is fast here, unless one is given.
+
+    It goes around `resumable`, so that recipe.json holds it: a run keeps its precision on another machine.
+    """
+
+    @functools.wraps(function)
+    def fast(*positional: P.args, **arguments: P.kwargs) -> Recipe:
+        if arguments.get("precision") is None:
+            arguments["precision"] = fast_precision()
+        return function(*positional, **arguments)
+
+    return fast
