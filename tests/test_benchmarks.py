@@ -97,11 +97,12 @@ def test_parts_of_a_step_are_timed(named: object, monkeypatch: pytest.MonkeyPatc
 def test_shares_of_a_step_are_taken_within_a_turn(named: object) -> None:
     step_cost = named("step_cost")  # type: ignore[operator]
     whole = np.array([[1.0, 3.0], [2.0, 6.0]])
-    table = step_cost.step_table(32, {"as it is": whole, "both": 0.8 * whole}, {"as it is": 0.5, "information": 3.5})
+    seconds = {"as it is": whole, "both": 0.8 * whole, "float32": 1.25 * whole}
+    table = step_cost.step_table(32, seconds, {"as it is": 0.5, "information": 3.5})
     assert "| both | 2.400 | 20.0% | 20.0%, 20.0% | at most 10%: MISSED |" in table
     slow = np.array([[1.0, 1.0], [1.0, 1.0], [9.0, 1.0]])  # other work, in one step
     assert step_cost.share(slow, np.full((3, 2), 0.9)) == pytest.approx(0.1)
-    assert "spare 10.0% of a run" in table
+    assert "spare 10.0% of a run" in table and "In float32 a step takes 3.750 s, 1.25 times the time" in table
     silhouettes = step_cost.silhouette_table({"any": {"ratio": 12.0}, "tilted, any": {"ratio": 2.0}})
     assert "12.0 times as fast | 15: MISSED" in silhouettes and "2.00 times the time | 3: met" in silhouettes
 
