@@ -67,8 +67,8 @@ docs-links: install
 
 # Every reader and flag with damaged and hostile input, and kills at random moments; the report is docs/campaign.md.
 campaign: install
-	OMP_NUM_THREADS=1 $(BIN)/python tools/fuzz.py --n $(INPUTS) --jobs $(WORKERS) || echo 'unproject: there are findings, see above'
-	OMP_NUM_THREADS=1 $(BIN)/python tools/kills.py --n $(KILLS) || echo 'unproject: something was lost, see above'
+	OMP_NUM_THREADS=1 $(BIN)/python tools/fuzz.py --campaign --n $(INPUTS) --jobs $(WORKERS) || echo 'unproject: there are findings, see above'
+	OMP_NUM_THREADS=1 $(BIN)/python tools/kills.py --campaign --n $(KILLS) || echo 'unproject: something was lost, see above'
 	OMP_NUM_THREADS=1 $(BIN)/python tools/conditions.py || echo 'unproject: a condition has another word, see above'
 	$(BIN)/python tools/campaign_page.py
 

@@ -1,9 +1,10 @@
-"""Write docs/campaign.md of what `fuzz.py`, `kills.py` and `conditions.py` stored in build/campaign."""
+"""Write docs/campaign.md of what `fuzz.py`, `kills.py` and `conditions.py` recorded in tools/campaign."""
 
 from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,10 @@ Each input is a good file, mutated: bits, lengths, truncation, insertion, repeti
 members, headers, shapes and types of archives, with checksums made to fit again. A command reads it in a process of its
 own. It may end with status 0, or with status 2 and one line that begins with `unproject: `, within a minute of the
 processor and in 512 MiB and 20 times the input, and may leave nothing half-written. All else is a finding. `refused`
-<<<<<<< HEAD
-counts status 2.
-`python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
-=======
 counts status 2. `python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
->>>>>>> f762ec0f33dd127bfa7e104184271b0d4031e678
+
+The campaign takes hours and goes on where its record ends (`tools/campaign`): inputs 0, 1, ... of each family, of which
+{asked:,} are asked. They were tried at {commits}, the last of which has the fixes for what was found before.
 """
 KILLS = """
 ## Kills
@@ -44,8 +43,26 @@ What a command says where the system is against it (`python tools/conditions.py`
 
 
 def main() -> None:
-    parts = [INTRODUCTION, inputs(), KILLS, kills(), CONDITIONS, conditions()]
+    parts = [INTRODUCTION.format(asked=asked(), commits=commits()), inputs(), KILLS, kills(), CONDITIONS, conditions()]
     (ROOT / "docs" / "campaign.md").write_text("\n".join(part for part in parts if part), encoding="utf-8")
+
+
+def asked() -> int:
+    """How many inputs a family `make campaign` asks for."""
+    found = re.search(r"^INPUTS \?= (\d+)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert found
+    return int(found[1])
+
+
+def reports() -> list[dict[str, Any]]:
+    found = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(CAMPAIGN.glob("*-[0-9]*.json"))]
+    return [report for report in found if report["inputs"]]
+
+
+def commits() -> str:
+    """Commits and how many inputs were tried at them, most first."""
+    counts = sum((Counter(report["commits"]) for report in reports()), Counter[str]())
+    return ", ".join(f"{name} ({count:,})" for name, count in counts.most_common())
 
 
 def table(head: str, rows: list[list[Any]]) -> str:
@@ -61,14 +78,16 @@ def stored(name: str) -> Any:
 
 
 def inputs() -> str:
-    reports = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(CAMPAIGN.glob("*-*-*.json"))]
     rows = []
     for family in [*FAMILIES, "flags"]:
-        own = [report for report in reports if report["family"] == family]
-        sums = [sum(report[name] for report in own) for name in ("inputs", "refused", "seconds")]
-        rows.append([family, sums[0], sums[1], sum(len(report["findings"]) for report in own), f"{sums[2]:.0f}"])
-    rows.append(["all", *(sum(int(row[k]) for row in rows) for k in range(1, 5))])
-    return table("family | inputs | refused | findings | seconds", rows)
+        own = [report for report in reports() if report["family"] == family]
+        counts = [sum(report[name] for report in own) for name in ("inputs", "refused")]
+        found = [sum(len(report[name]) for report in own) for name in ("fixed", "findings")]
+        rows.append([family, *counts, *found, f"{sum(report['seconds'] for report in own):.0f}"])
+    rows.append(["all", *(sum(int(row[k]) for row in rows) for k in range(1, 6))])
+    open_ones = [f"- {r['family']} {k}: {said}" for r in reports() for k, said in r["findings"].items()]
+    listed = "\n".join(["", "Open findings:", "", *open_ones, ""]) if open_ones else ""
+    return table("family | inputs | refused | findings, fixed | open | seconds", rows) + listed
 
 
 def kills() -> str:

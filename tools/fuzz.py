@@ -1,9 +1,12 @@
 """Give the command line damaged and hostile inputs, each in a process of its own, and report what it should not have done.
 
     python tools/fuzz.py png                      # 200 inputs of one family
-    python tools/fuzz.py --n 10000 --jobs 2       # all families, two at a time
     python tools/fuzz.py png --seed 1 --only 57   # one input again; its folder is kept and named
     python tools/fuzz.py flags --n 1000           # random flags and values instead of files
+    python tools/fuzz.py --campaign --n 10000 --jobs 2   # all families, two at a time, to 10,000 inputs each
+
+With --campaign what became of inputs 0, 1, ... of a family is recorded in tools/campaign, a block at a time, and goes on
+where the record ends; it says at which commits which inputs were tried. Delete a family's record to begin it anew.
 
 Input `k` of a family and seed is always the same: a good seed, mutated (`fuzz_mutations.py`), and a command that reads
 it (`fuzz_seeds.py`). The command runs in a forked child of a process that has imported everything, which takes
@@ -34,7 +37,7 @@ import traceback
 import zlib
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -42,11 +45,13 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import fuzz_flags
 import numpy as np
-from fuzz_seeds import CAMPAIGN, FAMILIES, Tree, clear, write
+from fuzz_seeds import CAMPAIGN, FAMILIES, ROOT, Tree, clear, write
 
 MEMORY, TIMES, ADDRESSES, SECONDS, PATIENCE = 2**29, 20, 2**31, 60, 10
 """Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the processor, and how
 many times more by the clock, since others may use the machine."""
+BLOCK = 500
+"""Inputs between two records."""
 SAID = re.compile(r"(training [^\n]+; rolling back to step \d+[^\n]+\n)?unproject: [^\n]+\n")
 REMARKS = re.compile(r"((warning: |skipped )[^\n]*\n)*")
 UNFINISHED = ("*/.*.tmp*", ".*.tmp*", "out", "out.*", ".tmp*")
@@ -72,14 +77,51 @@ class Ended:
 
 @dataclass
 class Report:
-    """What became of a family's inputs."""
+    """What became of a family's inputs: those from `first` on, `inputs` of them.
+
+    Attributes:
+        fixed: findings that were none any more when the campaign went on.
+        commits: at which commit how many of them were tried.
+    """
 
     family: str
     seed: int
+    first: int = 0
     inputs: int = 0
     refused: int = 0
     seconds: float = 0.0
     findings: dict[int, str] = field(default_factory=dict)
+    fixed: dict[int, str] = field(default_factory=dict)
+    commits: dict[str, int] = field(default_factory=dict)
+
+    def with_next(self, block: Report) -> Report:
+        """Return the report of these inputs and of the block that follows them."""
+        commits = Counter(self.commits) + Counter(block.commits)
+        return Report(
+            self.family,
+            self.seed,
+            self.first,
+            self.inputs + block.inputs,
+            self.refused + block.refused,
+            round(self.seconds + block.seconds, 1),
+            self.findings | block.findings,
+            self.fixed,
+            dict(commits),
+        )
+
+
+def read_report(file: Path) -> Report:
+    found = json.loads(file.read_text(encoding="utf-8"))
+    numbered = {name: {int(k): said for k, said in found[name].items()} for name in ("findings", "fixed")}
+    return Report(**{**found, **numbered})
+
+
+def write_report(report: Report, file: Path) -> None:
+    """Write a record as a whole, or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = file.with_suffix(".new")
+    unfinished.write_text(json.dumps(asdict(report), indent=1) + "\n", encoding="utf-8")
+    unfinished.replace(file)
 
 
 class Inputs:
@@ -175,7 +217,7 @@ def last_frame(text: str) -> str:
 
 def fuzz(family: str, seed: int, numbers: range, keep: bool = False, minutes: float = 60) -> Report:
     """Run some inputs of a family."""
-    report, inputs = Report(family, seed), Inputs(family, seed)
+    report, inputs = Report(family, seed, numbers.start), Inputs(family, seed)
     top = Path(tempfile.mkdtemp(prefix="fuzz-", dir=os.environ.get("FUZZ_FOLDER")))
     preload(inputs.good(), top)
     idle = run(["--version"], top).memory
@@ -245,52 +287,89 @@ def main() -> int:
     options.add_argument("--first", type=int, default=0, help="number of the first one")
     options.add_argument("--only", type=int, help="one input, whose folder is kept")
     options.add_argument("--jobs", type=int, default=1, help="families at a time")
-    options.add_argument("--minutes", type=float, default=60, help="of the clock, of each family")
-    options.add_argument("--store", action="store_true", help=argparse.SUPPRESS)
+    options.add_argument("--minutes", type=float, default=600, help="of the clock, of each family")
+    options.add_argument("--campaign", action="store_true", help="go on to --n inputs, and record what became of them")
+    options.add_argument("--record", type=Path, help=argparse.SUPPRESS)
     given = options.parse_args()
     families = given.family or [*FAMILIES, "flags"]
     if given.only is not None:
         return bool(fuzz(families[0], given.seed, range(given.only, given.only + 1), keep=True).findings)
-    numbers = range(given.first, given.first + given.n)
-    if given.store:
-        report = fuzz(families[0], given.seed, numbers, minutes=given.minutes)
-        stored(families[0], given).write_text(json.dumps(asdict(report), indent=1), encoding="utf-8")
+    if given.record:
+        numbers = range(given.first, given.first + given.n)
+        write_report(fuzz(families[0], given.seed, numbers, minutes=given.minutes), given.record)
         return 0
+    action = continued if given.campaign else tried
     with ThreadPoolExecutor(given.jobs) as pool:
-        reports = list(pool.map(lambda family: in_process(family, given), families))
+        reports = list(pool.map(lambda family: action(family, given), families))
     return int(any(report.findings for report in reports))
 
 
-def stored(family: str, given: argparse.Namespace) -> Path:
-    return CAMPAIGN / f"{family.replace(' ', '_')}-{given.seed}-{given.first}.json"
+def tried(family: str, given: argparse.Namespace) -> Report:
+    """Try the inputs that were asked for."""
+    report = in_process(family, given.seed, range(given.first, given.first + given.n), given.minutes)
+    summarise(report)
+    return report
 
 
-def in_process(family: str, given: argparse.Namespace) -> Report:
-    """Fuzz a family in a process of its own, which stores the report: what one imports another has not to carry."""
-    file = stored(family, given)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.unlink(missing_ok=True)
-    numbers = [
-        "--seed",
-        str(given.seed),
-        "--first",
-        str(given.first),
-        "--n",
-        str(given.n),
-        "--minutes",
-        str(given.minutes),
-    ]
-    subprocess.run([sys.executable, __file__, family, "--store", *numbers], check=False)
-    report = (
-        Report(**json.loads(file.read_text(encoding="utf-8")))
-        if file.exists()
-        else Report(family, given.seed, findings={-1: "died"})
-    )
+def continued(family: str, given: argparse.Namespace) -> Report:
+    """Try the inputs from the end of the family's record on, a block after another, each recorded once it is done."""
+    file = record_of(family, given.seed)
+    report = again(read_report(file)) if file.exists() else Report(family, given.seed)
+    until = time.monotonic() + 60 * given.minutes
+    while report.inputs < given.n and time.monotonic() < until:
+        numbers = range(report.inputs, min(report.inputs + BLOCK, given.n))
+        block = in_process(family, given.seed, numbers, (until - time.monotonic()) / 60)
+        report = report.with_next(replace(block, commits={commit(): block.inputs}))
+        write_report(report, file)
+        if -1 in block.findings:  # else the next block would die as well
+            break
+    write_report(report, file)
+    summarise(report)
+    return report
+
+
+def again(report: Report) -> Report:
+    """Try what was found once more: what is no finding now was fixed."""
+    still = {}
+    for k in report.findings:
+        still |= in_process(report.family, report.seed, range(k, k + 1), 10).findings
+    fixed = {k: said for k, said in report.findings.items() if k not in still}
+    return replace(report, findings=still, fixed=report.fixed | fixed)
+
+
+def record_of(family: str, seed: int) -> Path:
+    return CAMPAIGN / f"{re.sub('[^a-z]+', '-', family)}-{seed}.json"
+
+
+def commit() -> str:
+    """The commit of the working tree, which ends in + if files that inputs meet were changed since."""
+    git = ["git", "-C", str(ROOT)]
+    name = subprocess.run([*git, "rev-parse", "--short=7", "HEAD"], capture_output=True, text=True).stdout.strip()
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "src", "tools/*.py"]).returncode
+    return f"{name or 'unknown'}{'+' if changed else ''}"
+
+
+def in_process(family: str, seed: int, numbers: range, minutes: float) -> Report:
+    """Fuzz a family in a process of its own: what one imports another has not to carry."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "report.json"
+        words = {"seed": seed, "first": numbers.start, "n": len(numbers), "minutes": minutes, "record": file}
+        flags = [str(word) for name, value in words.items() for word in (f"--{name}", value)]
+        subprocess.run([sys.executable, __file__, family, *flags], check=False)
+        return (
+            read_report(file)
+            if file.exists()
+            else Report(family, seed, numbers.start, findings={-1: f"died among {numbers}"})
+        )
+
+
+def summarise(report: Report) -> None:
     kinds = Counter(re.sub(r"^.*?: (?=stat|std|sig|hang|\d|left)", "", found) for found in report.findings.values())
-    print(f"{family}: {report.inputs} inputs, {len(report.findings)} findings, {report.seconds:.0f} s", flush=True)
+    print(
+        f"{report.family}: {report.inputs} inputs, {len(report.findings)} findings, {report.seconds:.0f} s", flush=True
+    )
     for kind, count in kinds.most_common():
         print(f"    {count} × {kind}", flush=True)
-    return report
 
 
 if __name__ == "__main__":

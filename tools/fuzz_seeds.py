@@ -25,7 +25,8 @@ import numpy as np
 from fuzz_mutations import Mutation
 
 ROOT = Path(__file__).resolve().parent.parent
-CAMPAIGN = ROOT / "build" / "campaign"
+CAMPAIGN = ROOT / "tools" / "campaign"
+"""What the campaign found so far, kept with the code: it takes longer than a session."""
 TOY = ROOT / "tests" / "training" / "toy.py"
 Tree = dict[str, bytes]
 

@@ -2,6 +2,7 @@
 
     python tools/kills.py --n 100              # kills, spread over the commands
     python tools/kills.py --only train --n 20
+    python tools/kills.py --campaign --n 1000   # goes on to so many, and records them in tools/campaign
 
 Each command is run once to its end. Then it is run again and again in a forked child that gets SIGKILL at a random
 moment of the time that it took; afterwards the same words (`resume`, where there is a run already) must bring about what
@@ -20,7 +21,8 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -29,7 +31,7 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 from fuzz import Input as Words  # noqa: E402
-from fuzz import preload  # noqa: E402
+from fuzz import commit, preload  # noqa: E402
 from fuzz_seeds import CAMPAIGN, ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "tests" / "training"))
@@ -55,13 +57,18 @@ class Command:
 
 @dataclass
 class Tally:
-    """What became of the kills of a command."""
+    """What became of the kills of a command.
+
+    Attributes:
+        commits: at which commit how many of them were made.
+    """
 
     command: str
     kills: int = 0
     amid: int = 0
     seconds: float = 0.0
     lost: list[str] = field(default_factory=list)
+    commits: dict[str, int] = field(default_factory=dict)
 
 
 def begin(words: str, folder: Path) -> int:
@@ -219,12 +226,16 @@ def prepared(name: str, top: Path) -> Path:
     return folder
 
 
-def killed(name: str, command: Command, top: Path, kills: int, rng: np.random.Generator) -> Tally:
-    """Kill a command so many times, in runs of one to four kills each."""
+def killed(name: str, command: Command, top: Path, tally: Tally, kills: int, seed: int) -> Iterator[Tally]:
+    """Go on to so many kills of a command, in runs of one to four, of each of which the tally is yielded."""
+    if tally.kills >= kills:
+        return
     reference, began = prepared(name, top), time.monotonic()
     assert finish(command.words, reference) == 0, (reference / "said-2").read_text()
-    took, tally = time.monotonic() - began, Tally(name)
+    took, now = time.monotonic() - began, commit()
     while tally.kills < kills:
+        began, before = time.monotonic(), tally.kills
+        rng = np.random.default_rng([seed, zlib.crc32(name.encode()), tally.kills])
         folder, words = prepared(name, top), command.words
         for _ in range(int(rng.integers(1, 5))):
             tally.kills += 1
@@ -238,8 +249,9 @@ def killed(name: str, command: Command, top: Path, kills: int, rng: np.random.Ge
             f"left: {path.name}" for path in folder.rglob("*.tmp*") if "run" in path.parts and "train" in name
         ]
         shutil.rmtree(folder)
-    tally.seconds = time.monotonic() - began
-    return tally
+        tally.seconds = round(tally.seconds + time.monotonic() - began, 1)
+        tally.commits[now] = tally.commits.get(now, 0) + tally.kills - before
+        yield tally
 
 
 def main() -> int:
@@ -247,25 +259,46 @@ def main() -> int:
     options.add_argument("--n", type=int, default=100, help="kills")
     options.add_argument("--only", choices=COMMANDS, help="of one command alone")
     options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--minutes", type=float, default=600, help="of the clock, of each command")
+    options.add_argument("--campaign", action="store_true", help="go on with what is recorded in tools/campaign")
     given = options.parse_args()
-    top, rng = Path(tempfile.mkdtemp(prefix="kills-")), np.random.default_rng(given.seed)
+    top = Path(tempfile.mkdtemp(prefix="kills-"))
     preload(
         [Words(f"{TRAIN} --views known".split(), {}), Words(["report", "run", "--trust", "--out", "x.html"], {})], top
     )
-    chosen = {name: command for name, command in COMMANDS.items() if given.only in (None, name)}
-    tallies = []
-    for name, command in chosen.items():
-        tally = killed(name, command, top, -(-given.n // len(chosen)), rng)
-        tallies.append(asdict(tally))
-        print(
-            f"{name}: {tally.kills} kills, {tally.amid} amid, {len(tally.lost)} lost, {tally.seconds:.0f} s", flush=True
-        )
-        for what in tally.lost[:10]:
-            print(f"    {what}", flush=True)
+    record = CAMPAIGN / "kills.json"
+    tallies = {name: Tally(name) for name in COMMANDS}
+    if given.campaign and record.exists():
+        tallies |= {t["command"]: Tally(**t) for t in json.loads(record.read_text(encoding="utf-8"))}
+    chosen = [name for name in COMMANDS if given.only in (None, name)]
+    for name in chosen:
+        until = time.monotonic() + 60 * given.minutes
+        for _ in killed(name, COMMANDS[name], top, tallies[name], -(-given.n // len(chosen)), given.seed):
+            if given.campaign:
+                write_tallies(record, tallies)
+            if time.monotonic() > until:
+                break
+        summarise(tallies[name])
     shutil.rmtree(top)
-    CAMPAIGN.mkdir(parents=True, exist_ok=True)
-    (CAMPAIGN / "kills.json").write_text(json.dumps(tallies, indent=1), encoding="utf-8")
-    return int(any(tally["lost"] for tally in tallies))
+    return int(any(tally.lost for tally in tallies.values()))
+
+
+def write_tallies(record: Path, tallies: dict[str, Tally]) -> None:
+    """Write the record as a whole, or not at all."""
+    record.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = record.with_suffix(".new")
+    text = json.dumps([asdict(tally) for tally in tallies.values()], indent=1)
+    unfinished.write_text(text + "\n", encoding="utf-8")
+    unfinished.replace(record)
+
+
+def summarise(tally: Tally) -> None:
+    print(
+        f"{tally.command}: {tally.kills} kills, {tally.amid} amid, {len(tally.lost)} lost, {tally.seconds:.0f} s",
+        flush=True,
+    )
+    for what in tally.lost[:10]:
+        print(f"    {what}", flush=True)
 
 
 if __name__ == "__main__":
