@@ -123,6 +123,30 @@ def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_three(tmp_
         assert load(out).step == done + 4 and not list(out.rglob("*.tmp*"))
 
 
+@pytest.mark.slow
+def test_processes_save_and_leave_when_the_one_that_started_them_is_killed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    words = ["--steps", "100000000", "--quiet", "--out", str(run), "--processes", "2"]
+    command = [sys.executable, "-m", "unproject", "train", TOY, *words]
+    with subprocess.Popen(command, env=ENVIRONMENT, stdout=-3, stderr=-3, start_new_session=True) as process:
+        while not ((run / "stats.jsonl").exists() and (run / "stats.jsonl").stat().st_size):
+            assert process.poll() is None
+            time.sleep(0.05)
+        ranks = children(process.pid)
+        process.kill()
+    for _ in range(600):
+        if not any(map(alive, ranks)):
+            break
+        time.sleep(0.1)
+    assert len(ranks) == 2 and not any(map(alive, ranks)) and load(run, trust=True).step > 0
+
+
+def alive(process: int) -> bool:
+    """Whether it runs: one that ended and was not waited for is none."""
+    stat = Path(f"/proc/{process}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
 def children(pid: int) -> list[int]:
     """Return the processes that a process has started."""
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]

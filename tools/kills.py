@@ -36,6 +36,8 @@ from fuzz_seeds import CAMPAIGN, ROOT, TOY, npz, picture, read, volumes, write  
 
 sys.path.insert(0, str(ROOT / "tests" / "training"))
 MASKS = 60
+PATIENCE = 60.0
+"""Seconds that the processes of a killed command have to save and leave."""
 
 
 @dataclass
@@ -103,11 +105,27 @@ def kill(words: str, folder: Path, after: float) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) < 0
 
 
-def resumed(words: str) -> Callable[[Path], str]:
+def left_alive(folder: Path) -> list[str]:
+    """Processes that a killed command had started and that did not end soon after it."""
+    until = time.monotonic() + PATIENCE
+    while (names := at_work_in(folder)) and time.monotonic() < until:
+        time.sleep(0.05)
+    return names
+
+
+def at_work_in(folder: Path) -> list[str]:
+    names = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # it ended meanwhile
+            if Path(os.readlink(process / "cwd")) == folder.resolve():
+                names.append((process / "cmdline").read_text().replace("\0", " ")[:100])
+    return names
+
+
+def resumed(words: str, further: str = "") -> Callable[[Path], str]:
     """`train` where there is no run yet, else `resume`."""
-    return lambda folder: (
-        "resume run --trust --quiet --threads 1" if (folder / "run" / "recipe.json").exists() else words
-    )
+    resume = f"resume run --trust --quiet --threads 1{further}"
+    return lambda folder: resume if (folder / "run" / "recipe.json").exists() else words
 
 
 def runs_differ(one: Path, other: Path) -> list[str]:
@@ -185,6 +203,44 @@ def whole_or_absent(name: str) -> Callable[[Path], list[str]]:
     return check
 
 
+def scores_of(folder: Path) -> dict[str, object]:
+    """The scores of the arms of a reproduction."""
+    results = (folder / "reproduction" / "cpu" / "results").glob("*.json")
+    return {file.name: json.loads(file.read_text(encoding="utf-8"))["scores"] for file in results}
+
+
+def scores_differ(one: Path, other: Path) -> list[str]:
+    ours, theirs = scores_of(one), scores_of(other)
+    different = sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
+    reports = [f"toy{suffix}" for suffix in (".md", ".html", ".webp")]
+    return different + [name for name in reports if not (other / "reproduction" / "cpu" / name).exists()]
+
+
+def results_are_whole(folder: Path) -> list[str]:
+    wrong: list[str] = []
+    with collecting(wrong):
+        scores_of(folder)
+    return wrong
+
+
+def toy_figure() -> None:
+    """Add a figure of two arms of a few steps, for `reproduce toy`; only this process and its forks have it."""
+    from unproject import domains, reproduce
+    from unproject.reproduce import running
+
+    arms = tuple(
+        reproduce.Arm(f"toy-{name}", "digits", "digits", name, {} if name == "known" else {"views": name})
+        for name in ("known", "single")
+    )
+    claims = (reproduce.Claim("known is nearer", "toy-known", "toy-single", ("frechet",)),)
+    reproduce.FIGURES["toy"] = reproduce.Figure(
+        name="toy", title="Digits", claim="Digits are learned.", paper_says="Nothing.", arms=arms, claims=claims
+    )
+    small = {"size": 16, "steps": 30, "channels": 8, "batch": 4, "checkpoint_every": 5}
+    running.flags_of = lambda arm, budget: small | dict(arm.flags)
+    domains.Images.scored = 64
+
+
 def repeated(words: str) -> Callable[[Path], str]:
     return lambda folder: words
 
@@ -193,6 +249,8 @@ TRAIN = f"train {TOY}:toy --steps 30 --checkpoint-every 5 --quiet --threads 1 --
 SAMPLE, PACK = "sample run --trust --n 200 --out x.npz", "data pack masks --out pack.npz --size 24"
 EXPORT, REPORT = "export volumes.npz --n 6 --out meshes", "report run --trust --out x.html --threads 1"
 EVALUATE = "evaluate run --trust --n 16 --json --threads 1"
+TWO = f"{TRAIN} --views known --processes 2"
+REPRODUCE = "reproduce toy --parallel 2 --threads 1 --seeds 1"
 COMMANDS = {
     "train": Command(f"{TRAIN} --views known", resumed(f"{TRAIN} --views known"), runs_differ, run_is_whole),
     "train, views predicted": Command(TRAIN, resumed(TRAIN), runs_differ, run_is_whole),
@@ -202,6 +260,8 @@ COMMANDS = {
     "export": Command(EXPORT, repeated(EXPORT), same_files("meshes"), whole_or_absent("meshes/*.glb")),
     "evaluate": Command(EVALUATE, repeated(EVALUATE), same_files("said-1", "run/checkpoints"), run_is_whole),
     "report": Command(REPORT, repeated(REPORT), lambda one, other: [] if (other / "x.html").exists() else ["x.html"], run_is_whole),
+    "train, two processes": Command(TWO, resumed(TWO, " --processes 2"), runs_differ, run_is_whole),
+    "reproduce": Command(REPRODUCE, repeated(REPRODUCE), scores_differ, results_are_whole),
 }  # fmt: skip
 NEEDS_RUN = ("resume", "sample", "evaluate", "report")
 
@@ -240,6 +300,7 @@ def killed(name: str, command: Command, top: Path, tally: Tally, kills: int, see
         for _ in range(int(rng.integers(1, 5))):
             tally.kills += 1
             tally.amid += kill(words, folder, rng.uniform(0, took))
+            tally.lost += [f"lives on: {name}" for name in left_alive(folder)]
             words = command.again(folder)
             tally.lost += command.whole(folder)
         status = finish(words, folder)
@@ -263,6 +324,7 @@ def main() -> int:
     options.add_argument("--campaign", action="store_true", help="go on with what is recorded in tools/campaign")
     given = options.parse_args()
     top = Path(tempfile.mkdtemp(prefix="kills-"))
+    toy_figure()
     preload(
         [Words(f"{TRAIN} --views known".split(), {}), Words(["report", "run", "--trust", "--out", "x.html"], {})], top
     )

@@ -16,6 +16,7 @@ from importlib import import_module
 from io import TextIOWrapper
 
 from .._objects import nearest
+from .._parent import stop_with_parent
 from .._types import UserError
 from ._errors import explain
 from ._processes import PATIENCE, let_others_speak, lost_another
@@ -53,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+        stop_with_parent()
         with held():
             return _run(sys.argv[1:])
     except KeyboardInterrupt:

@@ -1,6 +1,7 @@
 """`--processes N`: a verb in N processes of this machine, by the agent of torchrun; of a failure there is one line.
 
-On several machines start `torchrun` itself, which gives a longer report. The agent ends all processes when one fails.
+On several machines start `torchrun` itself, which gives a longer report. The agent ends all processes when one fails,
+and they save and leave when the agent is gone.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from .._parent import PARENT
 from .._types import UserError
 
 MOST = 1024
@@ -51,6 +53,7 @@ def launch(words: Sequence[str], count: int) -> int:
 
     # Threads of several processes would wait for one another's processors.
     os.environ.setdefault("OMP_NUM_THREADS", str(max((os.cpu_count() or 1) // count, 1)))
+    os.environ[PARENT] = str(os.getpid())  # they stop when this process is killed, which has the terminal
     logging.disable(logging.CRITICAL)  # the agent's own report of a failure
     config = LaunchConfig(
         min_nodes=1,

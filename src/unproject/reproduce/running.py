@@ -15,10 +15,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from .._parent import PARENT
 from .._types import UserError
 from ..training import checkpoint
 from ..training.run_directory import BUDGET, read_recipe
-from ..training.signals import PARENT
 from .budgets import flags_of
 from .figure import Arm, Budget
 from .place import Place

@@ -14,7 +14,7 @@ from .recipe import Recipe
 from .recorder import Recorder
 from .recovery import roll_back
 from .run import Run
-from .signals import stop_request, stop_with_parent
+from .signals import stop_request
 from .start import start_from
 from .state import State
 from .trainer import Interrupted, Trainer
@@ -133,7 +133,6 @@ def resume(
 
 
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
-    stop_with_parent()
     with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
         going = True
