@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from unproject.networks.materials import StationaryMaterials
 from unproject.projections import Identity
 from unproject.projections.observation import Observation
 from unproject.studio import Studio, explaining
-from unproject.training import Recipe, train
+from unproject.training import Recipe, checkpoint, train
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
@@ -148,7 +148,54 @@ def test_a_run_that_is_being_written_is_followed(tab: Tab, folder: Path) -> None
     tab.until("training")
     Image.new("RGB", (64, 64), "red").save(run / "samples" / "step-000000777.png")
     tab.until("step 777")
-    assert "not finished" in tab.page.text_content(".remarks")
+    assert tab.page.is_hidden(".remarks") and "not finished" not in tab.page.inner_text("#panel")
+
+
+@pytest.fixture
+def another(folder: Path) -> Iterator[Callable[..., Path]]:
+    """Makes a copy of a run, less some of its files, which is gone after the test."""
+    made: list[Path] = []
+
+    def copy(name: str, *less: str) -> Path:
+        made.append(Path(shutil.copytree(folder / "chairs", folder / name, ignore=shutil.ignore_patterns(*less))))
+        return made[-1]
+
+    yield copy
+    for run in made:
+        shutil.rmtree(run)
+
+
+def test_a_panel_waits_for_the_first_weights_and_then_opens(
+    tab: Tab, folder: Path, another: Callable[..., Path]
+) -> None:
+    new = another("new", "checkpoints", "verdict.json", "samples")
+    tab.go("explore?run=new")
+    tab.until("It is training, and has made")
+    assert tab.page.is_hidden("#trouble")
+    shutil.copytree(folder / "chairs" / "checkpoints", new / "checkpoints")
+    tab.drawn()
+
+
+def test_shape_grid_and_file_are_of_one_step_until_newer_weights_are_asked_for(
+    tab: Tab, another: Callable[..., Path]
+) -> None:
+    run = another("grows")
+    tab.go("explore?run=grows")
+    tab.drawn()
+    tab.until("Sample 0 of step 60")
+    shown = pixels(tab)
+    other = checkpoint.load(run / "checkpoints" / "step-000000060.safetensors")
+    for name, values in other.items():
+        if name.startswith("average/planes") and values.is_floating_point():
+            values.mul_(0.5)
+    checkpoint.save(run / "checkpoints", 90, other)
+    tab.until("there are weights of step 90 by now")
+    tab.page.click("text=Reset")
+    tab.page.wait_for_timeout(500)
+    assert pixels(tab) == shown and "step=60" in tab.page.url
+    tab.page.click("text=Show them")
+    tab.until("Sample 0 of step 90")
+    assert "step=90" in tab.page.url and tab.page.is_hidden(".newer")
 
 
 def test_a_shape_is_turned_changed_picked_and_kept_in_the_address(tab: Tab) -> None:
@@ -186,7 +233,7 @@ def test_keys_change_panels_samples_and_download(tab: Tab) -> None:
     tab.page.wait_for_function("() => location.hash.includes('pick=1')")
     with tab.page.expect_download() as told:
         tab.page.keyboard.press("e")
-    assert told.value.suggested_filename == "chairs-2.glb"
+    assert told.value.suggested_filename == "chairs-01.glb"
     assert Path(told.value.path()).read_bytes()[:4] == b"glTF"
     tab.page.keyboard.press("?")
     assert tab.page.is_visible("#keys")
@@ -231,7 +278,7 @@ def test_a_material_is_lit_and_its_maps_are_downloaded(tab: Tab, tmp_path: Path)
     tab.page.wait_for_function("() => /around=-1[1-9]\\d/.test(location.hash)")
     with tab.page.expect_download() as told:
         tab.page.click("text=Download")
-    assert told.value.suggested_filename == "wood-1.zip"
+    assert told.value.suggested_filename == "wood-00.zip"
 
 
 def dropped(tab: Tab, target: str, name: str, content: bytes) -> None:
@@ -278,10 +325,13 @@ def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path)
     tab.page.wait_for_function("() => /What was found|could not/.test(document.body.innerText)", timeout=2 * PATIENCE)
     assert not tab.page.is_visible("#trouble"), tab.page.text_content("#trouble")
     tab.until("Done in")
+    found = [tab.page.get_attribute("img[alt=found]", "src"), tab.page.inner_text(".fitter section:last-child > p")]
     tab.page.locator(".fitter .cells button").nth(1).click()
+    told = [tab.page.get_attribute("img[alt=found]", "src"), tab.page.inner_text(".fitter section:last-child > p")]
+    assert all(before != after for before, after in zip(found, told, strict=True))  # its projection, and its distance
     with tab.page.expect_download() as told:
         tab.page.keyboard.press("e")
-    assert told.value.suggested_filename == "seat.glb"
+    assert told.value.suggested_filename == "seat-2.glb"
     assert Path(told.value.path()).read_bytes()[:4] == b"glTF"
     tab.page.reload()
     tab.until("What was found")
@@ -293,7 +343,6 @@ BAD_PLACES = {
     "a broken run": ("runs?run=broken", "damaged"),
     "no number": ("explore?run=chairs&slides=9999", "give up to 8 numbers"),
     "a light that is gone": ("materials?run=wood&light=dropped-0", "there is no such light"),
-    "shapes for materials": ("materials?run=chairs", "makes no materials"),
     "a fit that is gone": ("fit?run=chairs&fit=none", "drop the picture again"),
 }
 
@@ -305,6 +354,13 @@ def test_a_bad_address_is_said_and_the_page_goes_on(tab: Tab, place: str, says: 
     tab.page.keyboard.press("1")
     tab.until("4 runs in")
     assert not tab.page.is_visible("#trouble")
+
+
+def test_a_panel_says_that_it_does_not_show_what_a_run_makes(tab: Tab) -> None:
+    tab.go("materials?run=chairs")
+    tab.until("This run makes shapes, which this panel does not show.")
+    tab.page.click("text=Explore its samples")
+    tab.drawn()
 
 
 BAD_FILES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ from torch import Tensor, nn
 from unproject.domains import Images
 from unproject.networks import Generator, ImageGenerator
 from unproject.studio.answers import Request
+from unproject.studio.explore import file_name
 from unproject.studio.space import DIRECTIONS, PICKS, Space, slerp
 from unproject.studio.state import State
-from unproject.training import Run
+from unproject.training import Run, checkpoint
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
 
@@ -111,3 +113,36 @@ def test_a_run_without_checkpoint_says_so(runs: Path, tmp_path: Path, said: Said
     (tmp_path / "new" / "recipe.json").write_text((runs / "toy" / "recipe.json").read_text())
     status, found = said(State(tmp_path), "/api/sample", run="new")
     assert status == 400 and "no checkpoint" in found["error"]
+
+
+def test_an_older_step_is_shown_as_long_as_it_is_open(runs: Path, tmp_path: Path, said: Said) -> None:
+    """Newer weights change nothing that names a step, in the grid, on the stage or in a file."""
+    shutil.copytree(runs / "toy", tmp_path / "toy")
+    state = State(tmp_path)
+    before = [said(state, path, run="toy") for path in ("/api/grid", "/api/sample")]
+    assert before[0][1]["step"] == 2
+    folder = tmp_path / "toy" / "checkpoints"
+    tensors = checkpoint.load(checkpoint.newest(folder))
+    checkpoint.save(
+        folder, 9, {name: value * 2 if name.startswith("average/") else value for name, value in tensors.items()}
+    )
+    assert [said(state, path, run="toy", step=2) for path in ("/api/grid", "/api/sample")] == before
+    assert said(state, "/api/grid", run="toy")[1]["step"] == 9
+    assert said(state, "/api/newest", run="toy")[1]["step"] == 9
+    status, answer = said(State(tmp_path), "/api/grid", run="toy", step=2)
+    assert (status, answer["error"]) == (404, "toy: its weights of step 2 are no longer there; show the newest")
+    assert said(state, "/api/grid", run="toy", step="x")[0] == 400
+
+
+NAMED = {
+    "toy-03": {"pick": 3},
+    "toy-03-changed": {"pick": 3, "slides": "0,1"},
+    "toy-03-to-11": {"pick": 3, "other": 11, "mix": 0.5},
+    "toy-04": {"pick": 4, "other": 11, "mix": 0},
+    "toy-03-to-11-changed": {"pick": 3, "other": 11, "mix": 1, "truncation": 0.5},
+}
+
+
+@pytest.mark.parametrize("name, query", NAMED.items(), ids=list(NAMED))
+def test_files_are_named_by_the_sample_as_export_counts_them(name: str, query: dict[str, object]) -> None:
+    assert file_name(Request({"run": "folder/toy", **{k: str(v) for k, v in query.items()}})) == name

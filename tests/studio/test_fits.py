@@ -83,8 +83,13 @@ def test_a_picture_is_explained_and_downloaded(shapes: State, said: Said, fast: 
     found = ended(shapes, said, fit)
     assert (found["stage"], found["error"], found["name"]) == ("done", "", "seat.png")
     assert len(found["explanations"]) == len(found["weights"]) == 2
-    assert sum(found["posterior"]) == pytest.approx(1, abs=1e-3) and found["views"][0]["azimuth"] == 30
+    assert sum(found["posterior"]) == pytest.approx(1, abs=1e-3) and found["views"][0][0]["azimuth"] == 30
+    assert len(found["distances"]) == len(found["projections"]) == len(found["views"]) == 2
+    assert (
+        found["projections"][0] == found["projection"] != found["projections"][1]
+    )  # that of the best is the fit's own
     assert said(shapes, "/api/fit/drawn", fit=fit)[1]["kind"] == "shapes"
+    assert file_of(shapes, "/api/fit/file", fit=fit, to="glb", which=1)[0] == "seat-2.glb"
     name, content = file_of(shapes, "/api/fit/file", fit=fit, to="glb")
     assert name == "seat.glb"
     assert len(trimesh.load(io.BytesIO(content), file_type="glb", force="mesh").faces) > 50  # pyright: ignore
@@ -164,9 +169,9 @@ def test_a_fit_that_is_gone_says_so(shapes: State, said: Said) -> None:
 def test_what_is_exported_is_what_is_shown(shapes: State) -> None:
     place = {"run": "chairs", "pick": 3, "slides": "1,-0.5", "truncation": 0.8}
     name, content = file_of(shapes, "/api/export", to="npz", **place)
-    space = space_of(shapes, "chairs")
+    space = space_of(shapes, Request({"run": "chairs"}))
     shown = space.run.domain.largest_part(space.samples(space.place(Request({k: str(v) for k, v in place.items()}))))
-    assert name == "chairs-4.npz"
+    assert name == "chairs-03-changed.npz"
     with np.load(io.BytesIO(content)) as arrays:
         assert np.allclose(arrays["volume"], shown.numpy())
 

@@ -188,7 +188,7 @@ def test_a_broken_run_says_so_and_hides_no_other(runs: Path, tmp_path: Path, sai
     state = State(tmp_path)
     by_name = {run["name"]: run for run in said(state, "/api/runs")[1]["runs"]}
     assert "damaged" in by_name["toy"]["said"]
-    assert "There is no checkpoint yet" in by_name["log"]["said"]
+    assert "There is no checkpoint yet" in by_name["log"]["unfinished"]
     assert said(state, "/api/run", run="toy")[0] == 400
 
 

@@ -20,7 +20,7 @@ class Fit:
         weight: (S,), how well each explains the pictures compared with the others; they sum to 1.
         theta: latents of the views by name, (S, M), radians.
         posterior: (M, K), the probability of each bin of views.
-        projected: (M, ...), projections of the best.
+        projections: (S, M, ...), of each explanation in the views that were found for it.
 
     Examples:
         >>> import torch, unproject as up
@@ -31,6 +31,8 @@ class Fit:
         >>> found = fitter.fit(torch.rand(1, 1, 16, 16))
         >>> found.x.shape, found.posterior.shape
         (torch.Size([2, 16, 16, 16]), torch.Size([1, 4]))
+        >>> found.projections.shape
+        torch.Size([2, 1, 1, 16, 16])
     """
 
     x: Tensor
@@ -39,7 +41,12 @@ class Fit:
     weight: Tensor
     theta: dict[str, Tensor]
     posterior: Tensor
-    projected: Tensor
+    projections: Tensor
+
+    @property
+    def projected(self) -> Tensor:
+        """Return the projections of the best, (M, ...)."""
+        return self.projections[0]
 
     @property
     def error(self) -> float:

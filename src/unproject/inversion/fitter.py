@@ -203,7 +203,7 @@ class Fitter:
             heard = (weight >= HEARD * weight.max()).nonzero()[:, 0]
             bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
             posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
-            return Fit(self.generator.filled(x), state.v, distance, weight, state.theta, posterior, projected[0])
+            return Fit(self.generator.filled(x), state.v, distance, weight, state.theta, posterior, projected)
 
     def _tuned(self, x: Tensor, state: State, of: Pictures) -> Tensor:
         """Return the sample (1, ...) of a generator that was trained for the pictures, unless it is further off."""

@@ -28,7 +28,7 @@ class Contents:
         verdict: of verdict.json; None if there is none.
         previews: (step, picture file) over time.
         step: of the newest checkpoint; 0 if there is none.
-        remarks: what is damaged, missing or unfinished, a sentence each.
+        remarks: what is damaged or missing, a sentence each.
     """
 
     path: Path
@@ -66,6 +66,22 @@ class Contents:
         return max(by_step, by_time)
 
     @property
+    def unfinished(self) -> str:
+        """Say how far a run is that is not finished, or that its verdict is on another step; else nothing."""
+        if not self.step:
+            return "There is no checkpoint yet: the run was stopped before its first one, or has just begun."
+        if not self.complete:
+            share = min(self.progress, 0.99)
+            return (
+                f"This run is not finished: {share:.0%} of its budget is spent, so there is no verdict. It was "
+                "stopped, or is still training."
+            )
+        judged = number((self.verdict or {}).get("step"))
+        if judged is not None and judged != self.step:
+            return f"The verdict is on step {judged:.0f}, the samples are of step {self.step}."
+        return ""
+
+    @property
     def command(self) -> str | None:
         """Return the command that began the run, as it would be typed; None if it is not known."""
         words = self.environment.get("command")
@@ -90,9 +106,7 @@ def read_contents(path: Path) -> Contents:
         verdict = None
     found = list_checkpoints(path / "checkpoints")
     step = _step(found[-1]) if found else 0
-    contents = Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
-    remarks += _unfinished(contents)
-    return contents
+    return Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
 
 
 def number(value: Any) -> float | None:
@@ -102,23 +116,6 @@ def number(value: Any) -> float | None:
         return float(value) if fits and math.isfinite(value) else None
     except OverflowError:  # an integer of hundreds of digits
         return None
-
-
-def _unfinished(contents: Contents) -> list[str]:
-    if not contents.step:
-        return [
-            "There is no checkpoint yet: the run was stopped before its first weights were stored, or has just begun."
-        ]
-    if not contents.complete:
-        share = min(contents.progress, 0.99)
-        return [
-            f"This run is not finished: {share:.0%} of its budget is spent, so there is no verdict. It was stopped, "
-            "or is still training."
-        ]
-    judged = number((contents.verdict or {}).get("step"))
-    if judged is not None and judged != contents.step:
-        return [f"The verdict is on step {judged:.0f}, the samples are of step {contents.step}."]
-    return []
 
 
 def _object(file: Path, remarks: list[str]) -> dict[str, Any] | None:

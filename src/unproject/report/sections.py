@@ -19,9 +19,14 @@ FEWEST_LABELS, WIDTH = 16, 900
 SETTINGS = ("size", "batch", "seed", "steps", "minutes", "views", "bins")
 
 
-def verdict_section(contents: Contents) -> str:
-    """Return the verdict with its findings, or why there is none, and what is wrong with the run's files."""
-    remarks = "".join(f"<li>{text(remark)}</li>" for remark in contents.remarks)
+def verdict_section(contents: Contents, training: bool = False) -> str:
+    """Return the verdict with its findings, or why there is none, and what is wrong with the run's files.
+
+    Args:
+        training: whether the run is known to be still training, so that nothing is wrong with one that is not finished.
+    """
+    unfinished = [] if training or not contents.unfinished else [contents.unfinished]
+    remarks = "".join(f"<li>{text(remark)}</li>" for remark in [*contents.remarks, *unfinished])
     parts = [f'<ul class="remarks">{remarks}</ul>' if remarks else ""]
     if contents.verdict is None:
         said = "No verdict yet." if not contents.complete else "No verdict: `unproject evaluate` judges the run."

@@ -172,7 +172,11 @@ def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:
         raise UserError(str(error).replace(file, name)) from None
 
 
-def degrees(fit: Fit) -> list[dict[str, float]]:
-    """Return the latents of the best explanation's views, in degrees, of each picture."""
-    count = fit.distance.shape[1]
-    return [{name: round(math.degrees(value[0, m]), 1) for name, value in fit.theta.items()} for m in range(count)]
+def degrees(fit: Fit) -> list[list[dict[str, float]]]:
+    """Return the latents of each explanation's views, in degrees, of each picture."""
+    explanations, pictures = fit.distance.shape
+
+    def of(k: int, m: int) -> dict[str, float]:
+        return {name: round(math.degrees(value[k, m]), 1) for name, value in fit.theta.items()}
+
+    return [[of(k, m) for m in range(pictures)] for k in range(explanations)]

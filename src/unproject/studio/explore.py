@@ -25,10 +25,10 @@ SHOWN, CELL = 24, 112
 FACES = 16_000
 
 
-def space_of(state: State, name: str) -> Space:
+def space_of(state: State, request: Request) -> Space:
     """Return the space of a run, made once for each checkpoint."""
-    run = state.opened(name)
-    return state.kept(("space", name, run.step), lambda: Space.of(run), 3)
+    run = state.shown(request)
+    return state.kept(("space", request.text("run"), run.step), lambda: Space.of(run), 3)
 
 
 def show_grid(state: State, request: Request) -> Answer:
@@ -36,7 +36,7 @@ def show_grid(state: State, request: Request) -> Answer:
     name, page = request.text("run"), request.whole("page", 0, 0, PICKS // SHOWN - 1)
 
     def grid() -> dict[str, Any]:
-        run = state.opened(name)
+        run = state.shown(request)
         x = state.kept(("samples", name, run.step, page), lambda: _samples(run, page), 16)
         return {
             "kind": run.domain.name,
@@ -72,13 +72,12 @@ def thumbnail(domain: Domain, x: Tensor) -> Picture:
 
 def show_sample(state: State, request: Request) -> Answer:
     """Answer with the sample at a place: a mesh, maps or a picture."""
-    name = request.text("run")
-    return of_json(state.compute(lambda: drawn(space_of(state, name), request)))
+    return of_json(state.compute(lambda: drawn(space_of(state, request), request)))
 
 
 def drawn(space: Space, request: Request) -> dict[str, Any]:
-    """Return what the browser draws of the sample at the place of a request."""
-    return drawn_sample(space.run.domain, at_place(space, request))
+    """Return what the browser draws of the sample at the place of a request, and the step of the weights."""
+    return {**drawn_sample(space.run.domain, at_place(space, request)), "step": space.run.step}
 
 
 def drawn_sample(domain: Domain, x: Tensor) -> dict[str, Any]:
@@ -95,14 +94,22 @@ def drawn_sample(domain: Domain, x: Tensor) -> dict[str, Any]:
 
 def download(state: State, request: Request) -> Answer:
     """Answer with the sample at a place as a file."""
-    name = request.text("run")
 
     def file() -> Answer:
-        space = space_of(state, name)
-        called = f"{name.rpartition('/')[2]}-{1 + request.whole('pick', 0, 0, PICKS - 1)}"
-        return exported(space.run.domain, at_place(space, request), request.text("to"), called)
+        space = space_of(state, request)
+        return exported(space.run.domain, at_place(space, request), request.text("to"), file_name(request))
 
     return state.compute(file)
+
+
+def file_name(request: Request) -> str:
+    """Return the name of a sample's file: run and number, as `export` counts them, and whether it was changed."""
+    pick = request.whole("pick", 0, 0, PICKS - 1)
+    name = f"{request.text('run').rpartition('/')[2]}-{pick:02d}"
+    if request.text("other", "") and request.number("mix", 0, 0, 1):
+        name += f"-to-{request.whole('other', 0, 0, PICKS - 1):02d}"
+    changed = request.text("slides", "") or request.number("truncation", 1, 0, 1) < 1
+    return f"{name}-changed" if changed else name
 
 
 def at_place(space: Space, request: Request) -> Tensor:

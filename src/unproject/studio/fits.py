@@ -11,10 +11,11 @@ from torch import Tensor
 from .. import export
 from .._types import UserError
 from ..data.readers.pictures import SUFFIXES
+from ..inversion import DOUBTFUL, Fit
 from ..report.contents import read_contents
 from ..report.pictures import picture_of
 from ..report.sections import views_of
-from ..training.fitted_pictures import FORMATS, as_seen
+from ..training.fitted_pictures import FAR, FORMATS, as_seen
 from ..training.run_directory import read_recipe
 from .answers import Answer, Missing, Request, of_json
 from .downloads import exported
@@ -85,7 +86,7 @@ def show_fit(state: State, request: Request) -> Answer:
     told = {"run": one.asked.run, "name": one.asked.name, "stage": one.stage, "ended": one.ended, "done": one.done}
     told |= {"moves": one.moves, "drawable": one.x is not None, "error": one.error, "seconds": round(one.seconds, 1)}
     pictures = {"picture": _seen(one, one.pictures), "projection": _seen(one, one.projected)}
-    return of_json({**told, **pictures, **(_result(one) if one.fit is not None else {})})
+    return of_json({**told, **pictures, **(_result(one, one.fit) if one.fit is not None else {})})
 
 
 def _seen(one: Explanation, y: Tensor | None) -> str | None:
@@ -96,9 +97,9 @@ def _seen(one: Explanation, y: Tensor | None) -> str | None:
     return picture_of(export.picture_sheet(shown, columns=min(len(shown), 4), cell=SEEN), "a picture", 2 * SEEN).uri
 
 
-def _result(one: Explanation) -> dict[str, Any]:
-    fit, run = one.fit, one.run
-    assert fit is not None and run is not None and one.means is not None
+def _result(one: Explanation, fit: Fit) -> dict[str, Any]:
+    run = one.run
+    assert run is not None
     described = read_recipe(run.path)["resolved"].get("panels")
     labels, unit = views_of(described, 0, fit.posterior.shape[1])
     formats = sorted(run.domain.exporters)
@@ -106,9 +107,11 @@ def _result(one: Explanation) -> dict[str, Any]:
         "explained": not one.why,
         "why": "; ".join(one.why),
         "p": one.p,
-        "distance": fit.error,
+        "levels": {"distance": FAR, "p": DOUBTFUL},
+        "distances": fit.distance.mean(1).tolist(),
         "weights": fit.weight.tolist(),
         "views": degrees(fit),
+        "projections": [_seen(one, y) for y in fit.projections],
         "posterior": fit.posterior.mean(0).tolist(),
         "labels": labels,
         "unit": unit,
@@ -142,5 +145,6 @@ def download_fit(state: State, request: Request) -> Answer:
     one = _found(state, request)
     x, run = _sample(one, request), one.run
     assert run is not None
-    name = Path(one.asked.name).stem
+    which = request.whole("which", 0, 0, len(x) if one.fit is None else len(one.fit.x) - 1)
+    name = Path(one.asked.name).stem + (f"-{which + 1}" if which else "")
     return state.compute(lambda: exported(run.domain, run.domain.largest_part(x), request.text("to"), name))

@@ -36,36 +36,38 @@ STEEPEST = 85.0
 SAMPLES = 128
 
 
-def maps_at(state: State, request: Request) -> tuple[Tensor, Maps]:
-    """Return the material (8, H, W) at the place of a request, and its domain; to be called where it is computed.
+def maps_at(state: State, request: Request) -> tuple[Tensor, Maps, int]:
+    """Return the material (8, H, W) at the place of a request, its domain and the step of the weights.
+
+    To be called where it is computed.
 
     Raises:
         UserError: if the run makes no materials.
     """
-    space = space_of(state, request.text("run"))
+    space = space_of(state, request)
     domain = space.run.domain
     key = ("maps", space.run.step, *(request.query.get(name) for name in PLACE))
     x = state.kept(key, lambda: at_place(space, request), 16)
     if not isinstance(domain, Maps) or not is_material(domain, x):
         raise UserError(f"{request.text('run')}: makes no materials; choose a run of wood, metal or plastic")
-    return x[0], domain
+    return x[0], domain, space.run.step
 
 
 def show_maps(state: State, request: Request) -> Answer:
     """Answer with the four maps as pictures, and the names of lights."""
-    maps, _ = state.compute(lambda: maps_at(state, request))
+    maps, _, step = state.compute(lambda: maps_at(state, request))
     shown = {}
     for name, part in unpack_maps(maps[None]).items():
         seen = part / 2 + 0.5 if name == "normal" else part.clamp(0, 1) ** (1 / 2.2) if name != "roughness" else part
         shown[name] = picture_of(export.picture_sheet(seen, columns=1, cell=256), name, 256).uri
-    return of_json({"maps": shown, "lights": [*state.kept(("probes",), procedural_probes)[1], *LAMPS]})
+    return of_json({"step": step, "maps": shown, "lights": [*state.kept(("probes",), procedural_probes)[1], *LAMPS]})
 
 
 def render(state: State, request: Request) -> Answer:
     """Answer with the picture of the material, as JPEG."""
 
     def seen() -> bytes:
-        maps, domain = maps_at(state, request)
+        maps, domain, _ = maps_at(state, request)
         picture = picture_of_scene(maps, _scene(state, request), Reflection(domain.fresnel))
         image = Image.fromarray((picture.movedim(0, -1).clamp(0, 1) * 255).round().byte().numpy())
         content = io.BytesIO()

@@ -46,6 +46,7 @@ ROUTES: Mapping[tuple[str, str], Route] = {
     **{("GET", f"/assets/report/{name}"): _file("unproject.report", name) for name in REPORT},
     ("GET", "/api/runs"): runs.list_runs,
     ("GET", "/api/run"): runs.show_run,
+    ("GET", "/api/newest"): runs.newest,
     ("GET", "/api/picture"): runs.picture,
     ("GET", "/api/grid"): explore.show_grid,
     ("GET", "/api/sample"): explore.show_sample,

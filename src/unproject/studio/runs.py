@@ -58,13 +58,15 @@ def _changed(path: Path) -> float:
 def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
     contents = read_contents(path)
     verdict = contents.verdict or {}
-    resolved = contents.recipe["resolved"]
+    resolved, unreadable = contents.recipe["resolved"], why_unreadable(path / "checkpoints")
     return {
         "name": name,
         "changed": changed,
         "recipe": contents.recipe["recipe"],
         "kind": kind_of(contents),
         "step": contents.step,
+        "trained": max([contents.step, *(int(number(line["step"]) or 0) for line in contents.lines[-1:])]),
+        "first": number(resolved.get("checkpoint_every")),
         "steps": number(resolved.get("steps")),
         "minutes": number(resolved.get("minutes")),
         "seconds": contents.seconds,
@@ -73,7 +75,9 @@ def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
         "verdict": str(verdict.get("word", "")),
         "line": str(verdict.get("line", "")),
         "picture": contents.previews[-1][0] if contents.previews else None,
-        "said": " ".join([*contents.remarks, why_unreadable(path / "checkpoints")]).strip(),
+        "said": " ".join([*contents.remarks, unreadable]).strip(),
+        "unreadable": unreadable,
+        "unfinished": contents.unfinished,
     }
 
 
@@ -92,16 +96,25 @@ def show_run(state: State, request: Request) -> Answer:
     path = state.folder.run(name)
     summary = _summary(state, name)
     contents = read_contents(path)
+    training = _trains(summary)
     sections = {
-        "verdict": verdict_section(contents),
+        "verdict": verdict_section(contents, training),
         "curves": curves_section(contents),
         "views": views_section(contents),
         "commands": commands_section(contents),
         "environment": environment_section(contents),
     }
-    training = _trains(summary)
     steps = [step for step, _ in contents.previews]
     return tagged(of_json({**summary, "training": training, "pictures": steps, "sections": sections}), request)
+
+
+def newest(state: State, request: Request) -> Answer:
+    """Answer with what a run makes, how far it is and of which step its newest weights are."""
+    summary = _summary(state, request.text("run"))
+    if "kind" not in summary:  # it cannot be read
+        raise UserError(summary["said"])
+    told = {name: summary[name] for name in ("kind", "step", "trained", "first", "unfinished")}
+    return of_json({**told, "training": _trains(summary)})
 
 
 def picture(state: State, request: Request) -> Answer:

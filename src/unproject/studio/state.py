@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..training import Run, load
+from .answers import Missing, Request
 from .folder import Folder
 from .worker import Worker
 
@@ -43,6 +44,11 @@ class State:
         """Return what a call returns, made in the thread that computes."""
         return self.worker.submit(call).result(LONGEST)
 
+    def shown(self, request: Request) -> Run:
+        """Return the run that an address names, at the step that it names, if it names one."""
+        step = request.whole("step", 0, 0, 2**53) if request.text("step", "") else None
+        return self.opened(request.text("run"), step)
+
     def kept(self, key: tuple[Any, ...], make: Callable[[], T], most: int = 256) -> T:
         """Return what was made for a key before, or make it; of keys that begin alike only the `most` newest stay."""
         with self._lock:
@@ -57,8 +63,19 @@ class State:
                 del self._kept[old]
         return made
 
-    def opened(self, name: str) -> Run:
-        """Return a run, as its newest checkpoint has it."""
+    def opened(self, name: str, step: int | None = None) -> Run:
+        """Return a run as its newest checkpoint has it, or as that of a step had it that is open still.
+
+        Raises:
+            Missing: if that step's weights are no longer there.
+        """
         path = self.folder.run(name)
         newest = max((file.name for file in (path / "checkpoints").glob("step-*.safetensors")), default="")
-        return self.kept(("run", name, newest), lambda: load(path, trust=self.trust), OPENED)
+        wanted = newest if step is None else f"step-{step:09d}.safetensors"
+
+        def read() -> Run:
+            if wanted != newest:
+                raise Missing(f"{name}: its weights of step {step:,} are no longer there; show the newest")
+            return load(path, trust=self.trust)
+
+        return self.kept(("run", name, wanted), read, OPENED)

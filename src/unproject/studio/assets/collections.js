@@ -1,11 +1,11 @@
 // Collections: training pictures by the view that each was assigned, how sure that is, and corrections.
 import { ask, keep, make, say } from "/assets/app.js";
-import { chooseRun } from "/assets/choose.js";
-import { title } from "/assets/explore.js";
+import { title, withRun } from "/assets/choose.js";
 import { downloadButton } from "/assets/export.js";
 
-export function collectionsPanel(root, query) {
-  if (!query.run) return chooseRun(root, "collections", (run) => run.kind !== "");
+export const collectionsPanel = (root, query) => withRun(root, query, "collections", ["volumes", "images", "maps"], collections);
+
+function collections(root, query) {
   const at = { panel: Number(query.panel || 0), view: query.view === undefined ? -1 : Number(query.view), page: Number(query.page || 0) };
   const about = make("p.facts", "reading the pictures …"), panels = make("div.bar"), bars = make("div.views", { role: "group", "aria-label": "views" });
   const how = make("p.small"), table = downloadButton("Download views.csv", "/api/views.csv", () => ({ run: query.run, panel: at.panel }));
@@ -27,7 +27,8 @@ export function collectionsPanel(root, query) {
       if (found.correctable) takesPictures(button, k);
       return button;
     }));
-    how.textContent = `The least sure first. ${found.correctable ? "Drag one to its view above, or choose it, to correct it." : ""}`;
+    const shares = found.known ? "" : "The percentage is how probable the predictor finds the view that a picture has; views are drawn by these probabilities, so that some are improbable.";
+    how.textContent = `The least sure first. ${shares} ${found.correctable ? "Drag one to its view above, or choose it, to correct it." : ""}`;
     table.hidden = !found.correctable;
     skipped.hidden = !found.skipped.length;
     skipped.replaceChildren(make("h2", "Skipped"), make("table", ...found.skipped.map(([name, why]) => make("tr", make("td", name), make("td", why)))));

@@ -1,28 +1,33 @@
 // Explore: turn a sample, move it along the directions in which samples differ most, go from one pick to another.
 import { ask, keep, latest, make, say } from "/assets/app.js";
-import { chooseRun } from "/assets/choose.js";
+import { newerWeights, title, withRun } from "/assets/choose.js";
 import { exportBar, pictureButton } from "/assets/export.js";
 
-export function explorePanel(root, query) {
-  if (!query.run) return chooseRun(root, "explore", () => true);
+export const explorePanel = (root, query) => withRun(root, query, "explore", ["volumes", "images", "maps", ""], explore);
+
+// All that is shown and downloaded is of one step's weights, which the address names, however far training goes meanwhile.
+function explore(root, query) {
   const place = {
+    step: query.step === undefined ? null : Number(query.step),
     pick: Number(query.pick || 0), other: query.other === undefined ? null : Number(query.other), mix: Number(query.mix || 0),
     truncation: Number(query.truncation ?? 1), slides: (query.slides || "").split(",").map((v) => Number(v) || 0),
   };
   const asked = () => ({
-    run: query.run, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix,
+    run: query.run, step: place.step, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix,
     truncation: place.truncation, slides: place.slides.some(Boolean) ? place.slides.join(",") : "",
   });
   const stage = make("div.stage"), note = make("p.small", "drawing …"), controls = make("div.controls"), grid = make("div.picks");
-  root.append(title(query.run), make("div.explorer", make("section", stage, note), make("section", controls)), make("section", make("h2", "Samples"), grid));
+  const newer = newerWeights(query.run, () => place.step);
+  root.append(title(query.run), newer.bar, make("div.explorer", make("section", stage, note, make("h2", "Samples"), grid), make("section", controls)));
   const view = stageView(stage, query);
 
   const draw = latest(async () => {
     const began = performance.now();
     const found = await ask("/api/sample", asked());
+    if (place.step === null) { place.step = found.step; keep({ step: found.step }); }
     view.show(found);
     const about = found.kind === "shapes" ? `${found.items[0].triangles.toLocaleString("en")} triangles, ` : "";
-    note.textContent = `${about}${Math.round(performance.now() - began)} ms. ${found.kind === "picture" ? "" : HOW[found.kind]}`;
+    note.textContent = `Sample ${place.pick} of step ${found.step.toLocaleString("en")}: ${about}drawn in ${Math.round(performance.now() - began)} ms. ${found.kind === "picture" ? "" : HOW[found.kind]}`;
   });
   function changed() {
     const { run, ...kept } = asked();
@@ -30,20 +35,15 @@ export function explorePanel(root, query) {
     draw(null);
   }
   fillControls(controls, place, changed);
-  fillGrid(grid, query, place, changed).then((found) => {
+  draw(null).then(() => fillGrid(grid, query, place, changed)).then((found) => {
     const bar = exportBar(found.formats, "glb", "/api/export", asked);
-    bar.append(pictureButton(() => stage.querySelector("canvas"), () => `${query.run}-${place.pick + 1}-view`));
+    bar.append(pictureButton(() => stage.querySelector("canvas"), () => `${query.run}-${String(place.pick).padStart(2, "0")}-view`));
     controls.append(make("h2", "Export"), bar);
   }).catch(say);
-  draw(null);
-  return view.close;
+  return () => { newer.stop(); view.close(); };
 }
 
 const HOW = { shapes: "Drag it, or arrow keys.", materials: "Point at it to move the light, or arrow keys." };
-
-export function title(run, more) {
-  return make("div.bar.title", make("h1", run), make("span", make("a", { href: `#/runs?run=${encodeURIComponent(run)}` }, "about this run"), more));
-}
 
 // What shows a mesh, a material or a picture, whichever comes.
 export function stageView(stage, query) {
@@ -69,6 +69,11 @@ export function stageView(stage, query) {
       if (kind === "picture") stage.firstChild.src = found.picture;
       else shown.show(found.items[0]);
       if (kind === "shapes") { const [a, e] = angles; shown.turnTo(a, e); }
+    },
+    // Looks from a view in degrees.
+    face({ azimuth, elevation }) {
+      [angles[0], angles[1]] = [azimuth, elevation || 0].map((degrees) => (degrees * Math.PI) / 180);
+      if (kind === "shapes" && shown) shown.turnTo(...angles);
     },
     close() { clearTimeout(timer); if (shown && shown.close) shown.close(); },
   };
@@ -103,8 +108,8 @@ function fillControls(controls, place, changed) {
     truncation.shown.textContent = "1";
     changed();
   };
-  const says = make("p.small", "Directions in which samples differ most, in standard deviations from the pick.");
-  controls.append(make("h2", "Change it"), mix.row, ...sliders.map((one) => one.row), truncation.row, make("div.bar", reset), says);
+  const says = make("p.small", "The directions in which samples differ most, the first most of all, in standard deviations from the pick. Truncation 1 is as it was generated, 0 the mean of all samples.");
+  controls.append(make("h2", "Change it"), says, mix.row, ...sliders.map((one) => one.row), truncation.row, make("div.bar", reset));
 }
 
 const PAGE = 24; // samples a page of the grid, as the server has it
@@ -112,7 +117,7 @@ const PAGE = 24; // samples a page of the grid, as the server has it
 export async function fillGrid(grid, query, place, changed) {
   const second = make("button", { type: "button", "aria-pressed": "false" }, "Go towards another");
   const pages = make("span"), cells = make("div.cells"), steps = ["p", "n"].map((key) => make("button", { type: "button", title: `key ${key.toUpperCase()}`, "aria-label": key === "n" ? "next sample" : "sample before" }, key === "n" ? "→" : "←"));
-  const bar = make("div.bar", ...steps, second, pages);
+  const hint = make("span.small", { role: "status" }), bar = make("div.bar", ...steps, second, hint, pages);
   let total = PAGE, at = 0;
   steps.forEach((button, k) => {
     button.dataset.key = "pn"[k];
@@ -129,7 +134,10 @@ export async function fillGrid(grid, query, place, changed) {
     cell.setAttribute("aria-pressed", String(Number(cell.value) === place.pick));
     cell.classList.toggle("other", Number(cell.value) === place.other);
   });
-  const press = (on) => second.setAttribute("aria-pressed", String(on));
+  const press = (on) => {
+    second.setAttribute("aria-pressed", String(on));
+    hint.textContent = on ? "Now choose the sample below that it should go to." : "";
+  };
   second.onclick = () => {
     if (place.other === null) { press(second.getAttribute("aria-pressed") !== "true"); return; }
     [place.other, place.mix] = [null, 0];
@@ -150,11 +158,11 @@ export async function fillGrid(grid, query, place, changed) {
     end();
   }
   async function page(k) {
-    const found = await ask("/api/grid", { run: query.run, page: k });
+    const found = await ask("/api/grid", { run: query.run, step: place.step, page: k });
     [total, at] = [found.pages * found.samples.length, k];
     cells.replaceChildren(...found.samples.map((sample) => {
-      const cell = make("button", { type: "button", value: sample.pick, title: `sample ${sample.pick + 1}` },
-        make("img", { src: sample.picture, alt: `sample ${sample.pick + 1}` }));
+      const cell = make("button", { type: "button", value: sample.pick, title: `sample ${sample.pick}` },
+        make("img", { src: sample.picture, alt: `sample ${sample.pick}` }));
       cell.onclick = () => pick(sample.pick);
       return cell;
     }));

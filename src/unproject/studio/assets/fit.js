@@ -1,7 +1,7 @@
 // Fit: a picture is dropped, and the sample behind it is found while one watches.
 import { answerTo, ask, keep, make, say } from "/assets/app.js";
-import { chooseRun } from "/assets/choose.js";
-import { stageView, title } from "/assets/explore.js";
+import { title, withRun } from "/assets/choose.js";
+import { stageView } from "/assets/explore.js";
 import { exportBar } from "/assets/export.js";
 
 const WANTED = {
@@ -12,9 +12,10 @@ const WANTED = {
 };
 const EVERY = 400; // milliseconds between looks
 
-export function fitPanel(root, query) {
-  if (!query.run) return chooseRun(root, "fit", (run) => run.kind !== "");
-  let closed = false, shown = null, chosen = 0;
+export const fitPanel = (root, query) => withRun(root, query, "fit", ["volumes", "images", "maps"], fits);
+
+function fits(root, query) {
+  let closed = false, shown = null, chosen = 0, facing = query.azimuth === undefined; // until a hand turns the shape
   const file = make("input", { type: "file", "aria-label": "picture" }), wanted = make("span");
   const zone = make("label.zone", file, make("strong", "Drop a picture here"), make("span", "or choose a file: ", wanted));
   const observation = make("select", { "aria-label": "kind of picture" }), which = make("label.field", make("span", "kind of picture"), observation);
@@ -28,7 +29,7 @@ export function fitPanel(root, query) {
     make("p", "The run has learned what objects of a kind look like. Of all that it can make, this looks for the one whose projection is the picture, from whatever view it was taken, and shows it on its way."),
     make("p", "One picture leaves much open: several explanations come with their weights, and the probability of each view. If the picture is of another kind than those the run has seen, the page says so."),
     make("p.small", "The picture stays on this machine, and is not stored."));
-  const options = make("details", make("summary", "What is known of it"), which,
+  const options = make("details", make("summary", "What is known of it, and how to search"), which,
     make("label.field", make("span", "view, degrees"), view), make("label.field", make("span", "search"), search),
     make("label.check", novelty, "compare it with the pictures of training (half a minute, once)"));
   root.append(title(query.run), make("div.fitter", make("section.give", zone, make("div.bar", own), options), intro, watch, found));
@@ -49,7 +50,17 @@ export function fitPanel(root, query) {
     say(null);
     const asked = { run: query.run, name, observation: observation.value, view: view.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
     const { fit } = await ask("/api/fit", asked, { method: "POST", body: content });
+    facing = true;
     begin(fit);
+    if (/\.npz$/i.test(name)) return;
+    const url = URL.createObjectURL(content), image = make("img", { src: url, alt: "given", onload: () => URL.revokeObjectURL(url) });
+    seen("What was given", figure("given", image));
+  }
+  const figure = (name, image) => make("figure", image, make("figcaption.small", name));
+  const picture = (name, uri) => figure(name, make("img", { src: uri, alt: name }));
+  function seen(heading, ...figures) {
+    found.replaceChildren(make("h2", heading), make("div.pair", ...figures));
+    found.hidden = false;
   }
   function begin(fit) {
     [shown, chosen] = [fit, 0];
@@ -59,6 +70,7 @@ export function fitPanel(root, query) {
     if (drawing) drawing.close();
     stage.replaceChildren();
     drawing = stageView(stage, query);
+    stage.onpointerdown = stage.onkeydown = () => { facing = false; };
     follow(fit, -1);
   }
   // Looks again and again until the fit has ended; each look draws what has changed since.
@@ -72,6 +84,7 @@ export function fitPanel(root, query) {
       // On its way it may be at a shape of which nothing is to be seen: that ends nothing.
       if (now.drawable && now.moves !== moves) await draw(fit, chosen).catch((error) => { if (now.ended) say(error); });
       if (now.explanations && (moves < 0 || now.moves !== moves)) show(now, fit);
+      else if (now.picture && now.projection && now.moves !== moves) seen("On its way", picture("given", now.picture), picture("so far", now.projection));
       if (!now.ended) setTimeout(() => follow(fit, now.moves), EVERY);
     } catch (error) { say(error); }
   }
@@ -89,24 +102,28 @@ export function fitPanel(root, query) {
   }
   function show(now, fit) {
     const word = now.ended || !now.explained ? make(`span.word.${now.explained ? "good" : "doubtful"}`, now.explained ? "explained" : "not explained") : make("span.word", "found");
-    const says = now.explained ? `Its projection is at distance ${now.distance.toFixed(2)}: 0 is equal, 1 is unrelated.` : `${now.why}.`;
-    const likely = now.p === null ? [] : [make("p.small", `p ${now.p.toFixed(2)}: how likely a picture of the run's kind is so strange.`)];
-    const pair = make("div.pair", ...[["given", now.picture], ["found", now.projection]].map(([name, uri]) =>
-      make("figure", make("img", { src: uri, alt: name }), make("figcaption.small", name))));
+    const far = `Its projection is at distance ${now.distances[chosen].toFixed(2)} from the picture: 0 is equal, 1 unrelated, and from ${now.levels.distance} on it does not count as explained.`;
+    const strange = now.p === null ? [] : [make("p.small", `Beside the pictures of training this one is ${now.p < now.levels.p ? "of another kind" : "nothing strange"} (p ${now.p.toFixed(2)}; below ${now.levels.p} it counts as another kind).`)];
+    const pair = make("div.pair", picture("given", now.picture), picture("found", now.projections[chosen]));
     const cells = make("div.cells", ...now.explanations.map((uri, k) => {
       const share = Math.round(100 * now.weights[k]);
       const cell = make("button", { type: "button", "aria-pressed": String(k === chosen), title: `explanation ${k + 1}, weight ${share} %` }, make("img", { src: uri, alt: `explanation ${k + 1}` }), make("span.small", `${share} %`));
       cell.onclick = () => {
         chosen = k;
-        [...cells.children].forEach((one, i) => one.setAttribute("aria-pressed", String(i === k)));
+        show(now, fit);
+        found.querySelectorAll(".cells button")[k].focus();
         draw(fit, k).catch(say);
       };
       return cell;
     }));
-    const views = Object.entries(now.views[0]).map(([name, value]) => `${name.replace("_", " ")} ${value}°`).join(", ");
-    found.replaceChildren(make("h2", "What was found"), make("p", word, " ", says), ...likely, pair,
-      make("h3", "Explanations, by how well each does"), cells,
-      make("h3", "View"), make("p.small", views ? `${views} of the best one.` : "There is none to be found."), ...(now.posterior.length > 1 ? [histogram(now)] : []),
+    const [view] = now.views[chosen], named = Object.entries(view).map(([name, value]) => `${name.replace("_", " ")} ${value}°`).join(", ");
+    const face = make("button", { type: "button" }, "Turn it to the picture's view");
+    face.onclick = () => drawing.face(view);
+    face.hidden = view.azimuth === undefined;
+    if (facing && !face.hidden) drawing.face(view);
+    found.replaceChildren(make("h2", "What was found"), make("p", word, " ", now.explained ? "" : `${now.why}. `, far), ...strange, pair,
+      make("h3", now.explained ? "Explanations, by how well each does" : "The nearest, by how well each does"), cells,
+      make("h3", "View"), make("p.small", named ? `${named}${alike(now.posterior)}.` : "There is none to be found."), face, ...(now.posterior.length > 1 ? [histogram(now)] : []),
       make("h3", "Download"), exportBar(now.formats, now.format, "/api/fit/file", () => ({ fit, which: chosen })));
     found.hidden = false;
   }
@@ -138,6 +155,13 @@ export function fitPanel(root, query) {
 async function ownPicture(run) {
   const answer = await answerTo("/api/mask", { run, number: Math.floor(1e6 * Math.random()) });
   return [/filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition"))[1], await answer.blob()];
+}
+
+// How many further views are nearly as probable: peaks of at least half the highest.
+function alike(posterior) {
+  const n = posterior.length, most = Math.max(...posterior);
+  const peaks = posterior.filter((share, k) => share >= most / 2 && share >= posterior[(k + 1) % n] && share > posterior[(k + n - 1) % n]);
+  return peaks.length > 1 ? `; ${peaks.length} views are about as probable` : "";
 }
 
 // The probability of each view, as columns.

@@ -1,7 +1,7 @@
 // Materials: a tile, a plane or a ball under a light; the server's own operator renders it.
 import { answerTo, ask, keep, latest, make, say } from "/assets/app.js";
-import { chooseRun } from "/assets/choose.js";
-import { fillGrid, title } from "/assets/explore.js";
+import { newerWeights, title, withRun } from "/assets/choose.js";
+import { fillGrid } from "/assets/explore.js";
 import { exportBar, store } from "/assets/export.js";
 
 const FORMS = { tile: "Tile", plane: "Plane, 2 × 2", ball: "Ball" };
@@ -9,10 +9,11 @@ const LAMPS = ["directional", "coloured"];
 const FAST = 8, FINE = 96; // samples a pixel while a hand moves, and once it rests
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-export function materialsPanel(root, query) {
-  if (!query.run) return chooseRun(root, "materials", (run) => run.kind === "maps");
+export const materialsPanel = (root, query) => withRun(root, query, "materials", ["maps"], materials);
+
+function materials(root, query) {
   const given = (name, otherwise) => (query[name] === undefined ? otherwise : Number(query[name]));
-  const place = { pick: given("pick", 0), other: query.other === undefined ? null : Number(query.other), mix: given("mix", 0) };
+  const place = { step: query.step === undefined ? null : Number(query.step), pick: given("pick", 0), other: query.other === undefined ? null : Number(query.other), mix: given("mix", 0) };
   const seen = {
     form: query.form || "ball", light: query.light || "studio",
     view: given("view", 60), around: given("around", -90), polar: given("polar", 45), turn: given("turn", 30),
@@ -26,7 +27,9 @@ export function materialsPanel(root, query) {
   root.append(title(query.run), make("div.explorer", make("section.lit", image, note, forms, make("div.bar", make("label", "Light "), lights), says),
     make("section", make("h2", "Its maps"), maps, exports)), make("section", make("h2", "Samples"), mix, grid));
 
-  const where = () => ({ run: query.run, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix });
+  const newer = newerWeights(query.run, () => place.step);
+  root.firstChild.after(newer.bar);
+  const where = () => ({ run: query.run, step: place.step, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix });
   const render = latest(async (samples) => {
     const began = performance.now();
     const answer = await answerTo("/api/render", { ...where(), ...seen, samples });
@@ -49,6 +52,7 @@ export function materialsPanel(root, query) {
   async function changed() {
     look();
     const found = await ask("/api/maps", where());
+    if (place.step === null) { place.step = found.step; keep({ step: found.step }); }
     maps.replaceChildren(...Object.entries(found.maps).map(([name, uri]) => make("figure", make("img", { src: uri, alt: name }), make("figcaption.small", name))));
     if (!lights.options.length) {
       const dropped = seen.light.startsWith("dropped-") ? [seen.light] : [];
@@ -116,13 +120,13 @@ export function materialsPanel(root, query) {
   const over = (event) => event.preventDefault();
   document.addEventListener("dragover", over);
   document.addEventListener("drop", drop);
-  changed().catch(say);
-  fillGrid(grid, query, place, () => changed().catch(say)).then((found) => {
+  changed().then(() => fillGrid(grid, query, place, () => changed().catch(say))).then((found) => {
     const picture = make("button", { type: "button" }, "This rendering as a picture");
-    picture.onclick = () => asPng(image).then((blob) => store(blob, `${query.run.replace(/[^\w.-]+/g, "-")}-${place.pick + 1}.png`)).catch(say);
+    picture.onclick = () => asPng(image).then((blob) => store(blob, `${query.run.replace(/[^\w.-]+/g, "-")}-${String(place.pick).padStart(2, "0")}.png`)).catch(say);
     exports.append(make("h2", "Export"), exportBar(found.formats, "maps", "/api/export", where), make("div.bar", picture));
   }).catch(say);
   return () => {
+    newer.stop();
     clearTimeout(rest);
     document.removeEventListener("dragover", over);
     document.removeEventListener("drop", drop);

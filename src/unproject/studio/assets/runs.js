@@ -1,5 +1,6 @@
 // Runs: a list with pictures; one run as it trains, or two side by side.
 import { address, ask, go, keep, link, make, markup, repeatedly } from "/assets/app.js";
+import { comingSoon } from "/assets/choose.js";
 import { downloadButton } from "/assets/export.js";
 
 const LIST_EVERY = 5, RUN_EVERY = 3; // seconds
@@ -10,7 +11,7 @@ export function runsPanel(root, query) {
 
 export function budget(run) {
   const minutes = run.minutes ? `${(run.seconds / 60).toFixed(1)} of ${run.minutes} minutes` : `${(run.seconds / 60).toFixed(1)} minutes`;
-  const steps = run.steps ? `${run.step.toLocaleString("en")} of ${run.steps.toLocaleString("en")} steps` : `${run.step.toLocaleString("en")} steps`;
+  const steps = run.steps ? `${run.trained.toLocaleString("en")} of ${run.steps.toLocaleString("en")} steps` : `${run.trained.toLocaleString("en")} steps`;
   return `${steps}, ${minutes}`;
 }
 
@@ -39,7 +40,7 @@ function showList(root) {
       : make("img", { src: address("/api/picture", { run: run.name, small: 1, at: run.changed }), alt: `samples of ${run.name}`, width: 240, height: 240, loading: "lazy" });
     const bar = make("progress", { max: 1, value: run.progress || 0, "aria-label": "budget spent" });
     const about = readable(run) ? [make("p.small", `${run.recipe.split(":").pop() || "own recipe"} · ${budget(run)}`), ...(run.complete ? [] : [bar])] : [];
-    const words = run.said || run.line.replace(/^\w+: /, "");
+    const words = run.said || (run.training && !run.step ? comingSoon(run) : run.training ? "" : run.unfinished) || run.line.replace(/^\w+: /, "");
     return make("article.card", make("a.seen", { href: link("runs", { run: run.name }) }, seen),
       make("div.about", make("h2", make("a", { href: link("runs", { run: run.name }) }, run.name)),
         make("p", badge(run), make("label.pick", box, "compare")), ...about, make("p.small.says-so", words)));
@@ -96,8 +97,8 @@ function showRun(column, name, key, query) {
     if (now === before) return;
     before = now;
     title.replaceChildren(make("h1", name), badge(run));
-    remark.textContent = run.said;
-    remark.hidden = !run.said;
+    remark.textContent = run.unreadable || (run.training && !run.step ? comingSoon(run) : "");
+    remark.hidden = !remark.textContent;
     facts.textContent = `recipe ${run.recipe || "of its own"} · ${budget(run)}`;
     links.replaceChildren(...linksOf(run));
     const at = follow ? run.pictures.length - 1 : run.pictures.indexOf(steps[Number(slider.value)] ?? Number(query[key]));
