@@ -224,7 +224,7 @@ def test_long_steps_are_announced(
 ) -> None:
     monkeypatch.setattr("unproject.cli.train.LONG", 0.0)
     trained(tmp_path / "run", "digits", *SMALL)
-    first, last = capsys.readouterr().out.splitlines()
+    first, *_, last = capsys.readouterr().out.splitlines()
     assert re.match(r"about \d+\.\d GB, about \d+ s a step$", first) and "next:" in last
 
 

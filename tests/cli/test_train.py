@@ -58,8 +58,8 @@ def test_a_folder_of_pictures_trains(tmp_path: Path, capsys: pytest.CaptureFixtu
     run = tmp_path / "run"
     assert main(["train", TOY, "--data", str(masks(tmp_path / "masks")), *QUICK, "--out", str(run)]) == 0
     out = capsys.readouterr().out
-    assert out.startswith(f"{run}: 2 steps; next: unproject export {run} --to png")
-    next_command = out.strip().partition("next: unproject ")[2].split()
+    assert out.startswith(f"{run}: 2 steps\n")
+    next_command = out.strip().splitlines()[-1].removeprefix("next: unproject ").split()
     assert main([*next_command, "--trust", "--n", "2"]) == 0 and (run / "samples.png").stat().st_size > 0
 
 

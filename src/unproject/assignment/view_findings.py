@@ -62,7 +62,6 @@ def world_finding(of_real: float, of_generated: float, n: int) -> Finding:
     """Judge whether generated shapes are more telling of views than real pictures are."""
     ratio = of_real / of_generated
     how = f"information of pictures over that of projections of samples, {of_generated:.2f} nats"
-    honest = "shapes tell of views no more than pictures do"
-    says = f"pictures tell only {ratio:.0%} of what generated shapes do of views: an artificial world"
-    advice = "train longer, or try another --seed"
-    return Finding("world", Score(ratio, how, n), *WORLD, honest if ratio > WORLD[0] else says, advice)
+    says = f"pictures tell {ratio:.0%} of what generated shapes tell of views"
+    says = says if ratio > WORLD[0] else f"{says.replace('tell', 'tell only', 1)}: an artificial world"
+    return Finding("world", Score(ratio, how, n), *WORLD, says, "train longer, or try another --seed")

@@ -32,8 +32,8 @@ def run(
 ) -> None:
     """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
 
-    Memory and seconds of a step are estimated first. A run whose budget is spent ends with a verdict in one line, which
-    verdict.json explains; report.html shows it all.
+    Memory and seconds of a step are estimated first, and said if steps take long. A run whose budget is spent ends with a
+    verdict in one line, which verdict.json explains; report.html shows it all.
 
     Args:
         out: the run directory to make (default: runs/RECIPE-SEED).
@@ -64,12 +64,12 @@ def run(
         say(f"{out}: stopped before the first step was done; unproject resume {out} starts again")
         return
     warn_if_empty(finished.domain, finished.sample(finished.domain.previewed))
-    words = ["export", str(out), "--to", "png", "--out", str(out / "samples.png")]
-    command = shlex.join(words + (["--trust"] if is_foreign(out) else []))
     stopped = "" if finished.complete else f" (stopped; unproject resume {shlex.quote(str(out))} continues)"
-    say(f"{out}: {finished.step} steps{stopped}; next: unproject {command}")
+    say(f"{out}: {finished.step} steps{stopped}")
     conclude(finished, quiet)
     leave_report(finished, quiet)
+    words = ["export", str(out), "--to", "png", "--out", str(out / "samples.png")]
+    say(f"next: unproject {shlex.join(words + (['--trust'] if is_foreign(out) else []))}")
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

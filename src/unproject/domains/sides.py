@@ -61,7 +61,8 @@ def side_findings(observations: Sequence[Observation], shares: Tensor, known: bo
     how = f"share of azimuths with under {RARE:.0%} of the pictures of an even distribution"
     where = ", ".join(f"from {a}° to {b}°" for a, b in arcs(rare))
     gauge = "" if known else " (up to a turn)"
-    says = f"the sides {where}{gauge} were seen in {seen:.0%} of the pictures: they are mostly invented"
+    says = f"the sides {where}{gauge} were seen in {seen:.0%} of the pictures"
+    says += ": they are mostly invented" if share >= UNSEEN[0] else f", and are {share:.0%} of all sides"
     advice = "add pictures from there" if known else "add pictures from there, or lower --balance if there are none"
     return [Finding("sides", Score(share, how, CELLS), *UNSEEN, says if where else "all sides were seen", advice)]
 

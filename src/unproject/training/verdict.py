@@ -93,7 +93,7 @@ def panel_findings(domain: Domain, state: AssignmentState, x: Tensor, seed: int)
     if not seen.is_enough:
         return []
     found = state.findings(seen.real, seen.generated) + domain.picture_findings(seen, seed)
-    shares = state.view_shares(seen.real)
+    shares = state.view_shares(torch.cat([seen.real, seen.others]))  # those held out may be few
     if shares is not None:
         found += domain.side_findings(state.panel.observations, shares, state.fixes_gauge)
     return found
