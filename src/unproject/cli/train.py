@@ -32,8 +32,8 @@ def run(
 ) -> None:
     """Train a recipe. The first Ctrl-C writes a checkpoint and leaves; `unproject resume` continues from there.
 
-    Memory and seconds of a step are estimated first, and said if steps take long. A run whose budget is spent ends with a
-    verdict in one line, which verdict.json explains; report.html shows it all.
+    Memory and seconds of a step are estimated first, and said if steps take long. A run whose budget is spent ends with
+    a verdict in one line, which verdict.json explains; report.html shows it all.
 
     Args:
         out: the run directory to make (default: runs/RECIPE-SEED).
