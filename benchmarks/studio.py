@@ -9,7 +9,7 @@ and Playwright are needed (docs/studio.md). Prints one JSON object:
     mesh_ms             from a slider's move to the mesh on the canvas: median, and 95th of 100
     rendering_ms        of 256 × 256 pixels, from the drag to the picture: median, and 95th of 100
     clicks, errors, requests_elsewhere    of random clicking
-    memory_mb, page_mb    of the server, and of the page's objects, at each tenth of the time
+    memory_mb, page_mb    of the server, and of the page's objects on its first panel: medians of each tenth of the time
 """
 
 from __future__ import annotations
@@ -135,8 +135,10 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
     devtools = page.context.new_cdp_session(page)
     while time.perf_counter() - began < 60 * minutes:
         if clicks % 25 == 0:
-            page.goto(f"{address}#/{draw.choice(PLACES)}")
+            page.goto(f"{address}#/runs")  # where memory is always looked at: panels differ in what they hold
+            page.wait_for_selector("article")
             memory.append((memory_mb(process), heap_mb(devtools)))
+            page.goto(f"{address}#/{draw.choice(PLACES)}")
         try:
             page.evaluate(CLICK, draw.random())
         except Error as error:  # it went to another page meanwhile
@@ -145,14 +147,15 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
         page.wait_for_timeout(150)
         clicks += 1
     elsewhere = [url for url in asked if not url.startswith((address, "data:", "blob:"))]
-    levels = [memory[k * (len(memory) - 1) // 10] for k in range(11)]
+    tenths = [memory[k * len(memory) // 10 : (k + 1) * len(memory) // 10] or memory[-1:] for k in range(10)]
+    levels = [tuple(map(statistics.median, zip(*tenth, strict=True))) for tenth in tenths]
     return {
         "minutes": minutes,
         "clicks": clicks,
         "errors": wrong,
         "requests_elsewhere": elsewhere,
         "memory_mb": [round(server) for server, _ in levels],
-        "page_mb": [round(heap, 1) for _, heap in levels],
+        "page_mb": [round(heap, 2) for _, heap in levels],
     }
 
 

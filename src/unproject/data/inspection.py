@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from .._types import printable
-from ..ops.outlines import level_share
+from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
 from .measured_lines import scale_of
 from .readers.arrays import LATENTS
@@ -72,7 +72,10 @@ class Inspection:
             lines += [f"  {latent}: {low:.1f}° to {high:.1f}°" for latent, (low, high) in degrees_of(found).items()]
             lines += readings_of(found)
         level = self.level_outlines()
-        return lines if level is None else [*lines, f"  {level:.0%} of straight outlines are level (ops.level_share)"]
+        if level is None:
+            return lines
+        cameras = "were level" if level > LEVEL else "looked down, if pictures were not cropped"
+        return [*lines, f"  {level:.0%} of straight outlines are level: shapes take it that cameras {cameras}"]
 
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""

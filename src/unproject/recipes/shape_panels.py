@@ -19,7 +19,7 @@ from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read,
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.framing import common_fill, common_height
-from ..ops.outlines import level_share
+from ..ops.outlines import LEVEL, level_share
 from ..projections.base import Projection
 from ..projections.cropped import Cropped
 from ..projections.observation import Observation
@@ -32,9 +32,6 @@ PROCEDURAL_CHAIRS = 1000
 CHECKED = 1024
 """Pictures that are looked at to tell whether and how they were cropped, and whether cameras were level."""
 HELD_OUT, MOST_HELD_OUT = 0.1, 6554
-LEVEL = 0.5
-"""The share of level outlines beyond which cameras count as level: it is 0.55 or more of furniture seen at elevation 0,
-0.47 or less at 8 +- 5 degrees."""
 
 
 def regulariser_of(

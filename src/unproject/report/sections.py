@@ -194,14 +194,21 @@ def commands_section(contents: Contents) -> str:
     run, made = shlex.quote(str(contents.path)), contents.command
     minutes = math.ceil(2 * max(contents.seconds, 30) / 60)
     further = f"unproject resume {run}" + (f" --minutes {minutes}" if contents.complete else "")
-    folder = shlex.quote(str(contents.path / "samples.png"))
+    folder, meshes = (shlex.quote(str(contents.path / name)) for name in ("samples.png", "meshes"))
+    domain = contents.recipe["resolved"].get("domain")
+    shapes = isinstance(domain, dict) and domain.get("type") == "unproject.domains.volumes:Volumes"
     return section(
         "Commands",
         command("made this run", made) if made else paragraph("environment.json does not tell the command."),
         command("goes on with it", further),
         command("scores it", f"unproject evaluate {run}"),
         command("writes more samples", f"unproject export {run} --to png --out {folder}"),
-        command("writes this page again", f"unproject report {run}"),
+        *(
+            [command("writes them as meshes", f"unproject export {run} --to glb --n 4 --out {meshes}")]
+            if shapes
+            else []
+        ),
+        command("writes a page like this", f"unproject report {run}"),
     )
 
 

@@ -93,6 +93,7 @@ function fits(root, query) {
     note.textContent = `${now.name}: ${waits[now.stage] || `${now.stage} …`}`;
     if (now.error) say(new Error(now.error));
     bar.value = now.ended ? 1 : now.done;
+    stage.hidden = now.stage === "failed" && !now.drawable; // there is nothing to turn
     bar.parentNode.hidden = now.ended;
     stop.onclick = () => ask("/api/stop", { fit: shown }, { method: "POST", body: "" }).catch(say);
   }
