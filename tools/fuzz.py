@@ -319,10 +319,11 @@ def continued(family: str, given: argparse.Namespace) -> Report:
     while report.inputs < given.n and time.monotonic() < until:
         numbers = range(report.inputs, min(report.inputs + BLOCK, given.n))
         block = in_process(family, given.seed, numbers, (until - time.monotonic()) / 60)
+        if -1 in block.findings:  # what was tried of the block is not known, and the next one would die as well
+            print(f"{family}: {block.findings[-1]}", flush=True)
+            break
         report = report.with_next(replace(block, commits={commit(): block.inputs}))
         write_report(report, file)
-        if -1 in block.findings:  # else the next block would die as well
-            break
     write_report(report, file)
     summarise(report)
     return report

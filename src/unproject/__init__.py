@@ -61,6 +61,7 @@ _HOME = {
     "Shift": "unproject.adversarial.augmentation",
     "Centred": "unproject.adversarial.regularisers",
     "Connected": "unproject.adversarial.regularisers",
+    "Rectilinear": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
     "Sometimes": "unproject.adversarial.augmentation",
     "Solid": "unproject.adversarial.regularisers",
@@ -146,6 +147,7 @@ if TYPE_CHECKING:
     from .adversarial.penalties import Penalty as Penalty
     from .adversarial.regularisers import Centred as Centred
     from .adversarial.regularisers import Connected as Connected
+    from .adversarial.regularisers import Rectilinear as Rectilinear
     from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid
     from .assignment import Assignment as Assignment

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from unproject.adversarial.regularisers import Centred, Connected, Regularisers, Solid
+from unproject.adversarial.regularisers import Centred, Connected, Rectilinear, Regularisers, Solid
 from unproject.ops.parts import number_parts
 
 
@@ -65,6 +65,64 @@ def test_centred_moves_a_body_back_to_the_middle() -> None:
         (slope,) = torch.autograd.grad(Centred(1.0)(x, 0.0), place)
         place = (place - 0.1 * slope).detach().requires_grad_()
     assert abs(place.item()) < 1e-3 and math.isfinite(Centred()(volumes(0.0), 0.0).item())
+
+
+# Rectilinear
+
+
+def seen_from_above(plan: torch.Tensor, height: int = 5) -> torch.Tensor:
+    """Volumes (1, 32, 32, 32), full over the plan (32, 32) up to some height."""
+    x = torch.zeros(1, 32, 32, 32)
+    x[:, :, :height] = plan.float()[:, None]
+    return x
+
+
+ROW, COLUMN = torch.meshgrid(torch.arange(32) - 15.5, torch.arange(32) - 15.5, indexing="ij")
+PLANS = {
+    "square": (torch.maximum(ROW.abs(), COLUMN.abs()) < 6, 0.0),
+    "rectangle of 2 : 1": (torch.maximum(ROW.abs() / 2, COLUMN.abs()) < 6, math.log(9 / 8)),
+    "disc": (ROW.square() + COLUMN.square() < 14.2**2, math.log(4 / math.pi)),
+    "on its corner": (ROW.abs() + COLUMN.abs() < 14.5, math.log(2)),
+    "at the walls": (torch.ones(32, 32), 0.0),
+}
+
+
+@pytest.mark.parametrize("plan, value", PLANS.values(), ids=list(PLANS))
+def test_rectilinear_of_plans_by_hand(plan: torch.Tensor, value: float) -> None:
+    dense = Rectilinear(2.0, 2.0, density=20.0)
+    assert dense(seen_from_above(plan), 0.0).item() == pytest.approx(2 * value, abs=0.15)  # of voxels
+
+
+def test_it_depends_neither_on_size_nor_on_density_nor_on_what_is_beneath() -> None:
+    square, table = (seen_from_above(PLANS["square"][0]) for _ in range(2))
+    table[:, :, :3] = 0
+    table[:, 11, :3, 11] = 1
+    small = seen_from_above(torch.maximum(ROW.abs(), COLUMN.abs()) < 3)
+    values = [Rectilinear(1.0, density=d)(x, 0.0).item() for x in (square, small) for d in (0.001, 0.1, 20.0)]
+    assert values == pytest.approx([0.0] * 6, abs=1e-3)
+    assert Rectilinear(1.0, density=20.0)(table, 0.0).item() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_descent_makes_a_disc_a_square_along_the_axes() -> None:
+    logits = (20.0 - ROW.square() - COLUMN.square() + 30).div(10).clamp(-4, 4).requires_grad_()
+    area = logits.sigmoid().sum().item()
+    adam = torch.optim.Adam([logits], 0.05)
+    for _ in range(600):
+        x = logits.sigmoid()[None, :, None].expand(1, 32, 4, 32)
+        loss = Rectilinear(1.0, density=1.0)(x, 0.0) + (logits.sigmoid().sum() / area - 1).square()
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+    assert Rectilinear(1.0, density=1.0)(logits.detach().sigmoid()[None, :, None].expand(1, 32, 4, 32), 0.0) < 0.1
+
+
+def test_empty_volumes_are_finite_and_its_weight_falls_geometrically() -> None:
+    x = volumes(0.0)
+    Rectilinear()(x, 0.0).backward()
+    assert x.grad is not None and x.grad.isfinite().all()
+    disc = seen_from_above(PLANS["disc"][0])
+    assert Rectilinear(0.9, 0.1)(disc, 0.5) == pytest.approx(Rectilinear(0.3, 0.3)(disc, 0.0).item())
+    assert Rectilinear(0.9, 0.1)(disc, 2.0) == pytest.approx(Rectilinear(0.1, 0.1)(disc, 0.0).item())
 
 
 # Connected

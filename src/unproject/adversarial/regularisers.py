@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from ..ops.parts import floating_parts
@@ -41,6 +42,48 @@ class Solid:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
         weight = self.weight + (self.final - self.weight) * min(progress, 1.0)
         return -weight * (x.flatten(1).mean(1) + TINY).log().mean()
+
+
+@dataclass(frozen=True)
+class Rectilinear:
+    """w E log(P² / (16 Σ m²)): prefer shapes that are rectangles as seen from above, with sides along x and z.
+
+    m = 1 - exp(-density Σ_y p) is the silhouette from above, P = Σ |∂m/∂x| + |∂m/∂z| its perimeter in the taxicab
+    metric, beyond the volume's walls m is 0. Of all plans an axis-aligned square has the least, 0 (it is the Wulff
+    shape of that perimeter); a rectangle of 2 : 1 has 0.12, a disc 0.24, a square that stands on its corner 0.69. It
+    depends neither on the plan's size nor on how dense it is.
+
+    No level camera sees this silhouette, and widths alone do not tell it: pictures that are wide or narrow are objects
+    that are, or the two sides of one long object, and both match them. Between such worlds a run drifts; this decides
+    for the one whose plans are simple, in which shapes differ rather than their sides. w falls geometrically from
+    `weight` to `final` over the budget.
+
+    Args:
+        weight, final: w at the start and at the end.
+        density: a full voxel absorbs 1 - exp(-density).
+
+    References:
+        Wulff 1901; Žunić and Rosin 2003, Rectilinearity measurements for polygons.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> x = torch.zeros(1, 8, 8, 8)
+        >>> x[:, 2:6, :4, 2:6] = 1
+        >>> abs(up.Rectilinear(1.0, density=20.0)(x, progress=0.0)) < 1e-4
+        tensor(True)
+    """
+
+    weight: float = 1.0
+    final: float = 0.01
+    density: float = 2.0
+
+    def __call__(self, x: Tensor, progress: float) -> Tensor:
+        """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
+        weight = self.weight * (self.final / self.weight) ** min(progress, 1.0)
+        plan = F.pad(1 - torch.exp(-self.density * x.sum(2)), (1, 1, 1, 1))
+        perimeter = plan.diff(dim=1).abs().flatten(1).sum(1) + plan.diff(dim=2).abs().flatten(1).sum(1)
+        area = plan.square().flatten(1).sum(1)
+        return weight * ((perimeter.square() + TINY).log() - (16 * area + TINY).log()).mean()
 
 
 @dataclass(frozen=True)

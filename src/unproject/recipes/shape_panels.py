@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.regularisers import Centred, Connected, Regulariser, Regularisers, Solid
+from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid
 from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.sampling import spread_rows
@@ -35,13 +35,14 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
 def regulariser_of(
-    solid: float, connected: float, projection: Projection | None = None, level: bool = True
+    solid: float, rectilinear: float, connected: float, projection: Projection | None = None, level: bool = True
 ) -> Regulariser | None:
     """Return the preferences whose weight is not zero.
 
     Shapes seen in cropped pictures are kept in the middle: sideways if cameras are level, else from top to bottom too.
     """
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
+    terms += [Rectilinear(rectilinear, rectilinear / 100)] if rectilinear else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if level else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)

@@ -138,9 +138,17 @@ def read_origin(path: Path) -> Origin | None:
     recipe, function, arguments = stored["recipe"], stored["function"], stored["arguments"]
     if not function:
         return None
-    if function.startswith("unproject."):  # runs of before recipes chose a precision are in float32
-        arguments = {"precision": "float32", **arguments}
+    if function.startswith("unproject."):
+        arguments = {**_before_there_was(function, stored["resolved"]), **arguments}
     return Origin(recipe, function, arguments)
+
+
+def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]:
+    """Return what newer flags of our recipes have to be for runs of before there were these flags."""
+    older: dict[str, Any] = {"precision": "float32"}
+    if function == "unproject.recipes.shapes:shapes" and "Rectilinear" not in json.dumps(resolved.get("regulariser")):
+        older["rectilinear"] = 0.0
+    return older
 
 
 def check_same(path: Path, recipe: Recipe) -> None:
