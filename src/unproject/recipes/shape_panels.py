@@ -42,7 +42,7 @@ def regulariser_of(
     Shapes seen in cropped pictures are kept in the middle: sideways if cameras are level, else from top to bottom too.
     """
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
-    terms += [Rectilinear(rectilinear, rectilinear / 100)] if rectilinear else []
+    terms += [Rectilinear(rectilinear, rectilinear / 20)] if rectilinear else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if level else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
