@@ -2670,7 +2670,7 @@ ANY_CLASS = (
     mutant(
         "rectilinear: its weight stays",
         "adversarial/regularisers.py",
-        "(self.final / self.weight) ** min(progress / self.until, 1.0)",
+        "(self.final / self.weight) ** fallen",
         "(self.final / self.weight) ** 0",
         "adversarial/test_regularisers.py::test_empty_volumes_are_finite_and_its_weight_falls_geometrically",
     ),

@@ -56,11 +56,12 @@ class Rectilinear:
     No level camera sees this silhouette, and widths alone do not tell it: pictures that are wide or narrow are objects
     that are, or the two sides of one long object, and both match them. Between such worlds a run drifts; this decides
     for the one whose plans are simple, in which shapes differ rather than their sides. It does so early, and pictures
-    decide then: w falls geometrically from `weight` to `final` within the part `until` of the budget, and stays there.
+    decide then: w is `weight` up to the part `until` of the budget, in which tries are made too, falls geometrically to
+    `final` up to twice that, and stays there.
 
     Args:
-        weight, final: w at the start and from then on.
-        until: part of the budget in which it falls.
+        weight, final: w at the start and at the end.
+        until: part of the budget from which on it falls.
         density: a full voxel absorbs 1 - exp(-density).
 
     References:
@@ -81,7 +82,8 @@ class Rectilinear:
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
-        weight = self.weight * (self.final / self.weight) ** min(progress / self.until, 1.0)
+        fallen = min(max(progress / self.until - 1.0, 0.0), 1.0)
+        weight = self.weight * (self.final / self.weight) ** fallen
         plan = F.pad(1 - torch.exp(-self.density * x.sum(2)), (1, 1, 1, 1))
         perimeter = plan.diff(dim=1).abs().flatten(1).sum(1) + plan.diff(dim=2).abs().flatten(1).sum(1)
         area = plan.square().flatten(1).sum(1)
