@@ -136,7 +136,7 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
     while time.perf_counter() - began < 60 * minutes:
         if clicks % 25 == 0:
             page.goto(f"{address}#/runs")  # where memory is always looked at: panels differ in what they hold
-            page.wait_for_selector("article")
+            page.wait_for_function("() => !!document.querySelector('article')")  # a handle would keep the whole list
             memory.append((memory_mb(process), heap_mb(devtools)))
             page.goto(f"{address}#/{draw.choice(PLACES)}")
         try:
