@@ -2432,8 +2432,8 @@ ANY_CLASS = (
     mutant(
         "shapes: those of cropped pictures may be anywhere",
         "recipes/shape_panels.py",
-        'if level else "xyz")] if isinstance(projection, Cropped)',
-        'if level else "xyz")] if projection is None',
+        'if bands == 1 else "xyz")] if isinstance(projection, Cropped)',
+        'if bands == 1 else "xyz")] if projection is None',
         "recipes/test_cropped_pictures.py::test_shapes_are_kept_in_the_middle_if_pictures_were_cropped",
     ),
     mutant(
@@ -2676,9 +2676,9 @@ ANY_CLASS = (
     ),
     mutant(
         "rectilinear: known views are not trusted",
-        "recipes/shapes.py",
-        '0.0 if views in ("known", "direct") else rectilinear',
-        "rectilinear",
+        "recipes/shape_panels.py",
+        'if rectilinear and views not in ("known", "direct")',
+        "if rectilinear",
         "recipes/test_shapes.py",
     ),
     mutant(
@@ -2905,8 +2905,8 @@ SIZES = (
     mutant(
         "precision: runs that hold none go on in the processor's",
         "training/run_directory.py",
-        '{"precision": "float32", **arguments}',
-        "{**arguments}",
+        'older: dict[str, Any] = {"precision": "float32"}',
+        "older: dict[str, Any] = {}",
         "recipes/test_precision.py::test_a_run_of_before_recipes_chose_one_goes_on_in_float32",
     ),
     mutant(
@@ -3217,7 +3217,7 @@ TRUST = (
     ),
     mutant(
         "a killed reproduction leaves its child",
-        "training/signals.py",
+        "_parent.py",
         "    while os.getppid() == parent:",
         "    while parent:",
         "test_trust.py::test_a_child_of_a_killed_reproduction_stops",

@@ -35,16 +35,18 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
 def regulariser_of(
-    solid: float, rectilinear: float, connected: float, projection: Projection | None = None, level: bool = True
+    views: Views, weights: tuple[float, float, float], projection: Projection, bands: int
 ) -> Regulariser | None:
-    """Return the preferences whose weight is not zero.
+    """Return the preferences whose weight is not zero: for full volumes, for rectangular plans, for one piece.
 
-    Shapes seen in cropped pictures are kept in the middle: sideways if cameras are level, else from top to bottom too.
+    Only in silhouettes hollow volumes look full, and only of unknown views any plan may be right. Shapes that are seen
+    in cropped pictures are kept in the middle: sideways by level cameras, by others from top to bottom too.
     """
-    terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid else []
-    terms += [Rectilinear(rectilinear, rectilinear / 20)] if rectilinear else []
+    solid, rectilinear, connected = weights
+    terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
+    terms += [Rectilinear(rectilinear, rectilinear / 20)] if rectilinear and views not in ("known", "direct") else []
     terms += [Connected(connected)] if connected else []
-    terms += [Centred(axes="xz" if level else "xyz")] if isinstance(projection, Cropped) else []
+    terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 

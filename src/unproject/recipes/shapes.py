@@ -108,31 +108,24 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
-    direct = views == "direct"
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     symmetry = mirror_of(mirror, views, collection)
-    initialiser = MeanShapeInitialiser(mirror=bool(symmetry), balance=balance) if init_views else None
-    joint = jointly_predicted(rounds, balance, information, symmetry and mirrored_views(bins, bands or 1), initialiser)
+    first = MeanShapeInitialiser(mirror=bool(symmetry), balance=balance) if init_views else None
+    joint = jointly_predicted(rounds, balance, information, symmetry and mirrored_views(bins, bands or 1), first)
     panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
     return Recipe(
-        generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if direct else density),
-        discriminator=discriminator_of(direct),
+        generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=views != "direct" and density),
+        discriminator=discriminator_of(views == "direct"),
         panels=[panel],
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(
-            0.0 if direct else solid,
-            0.0 if views in ("known", "direct") else rectilinear,
-            connected,
-            observations[0].projection,
-            (bands or 1) == 1,
-        ),
+        regulariser=regulariser_of(views, (solid, rectilinear, connected), observations[0].projection, bands or 1),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         batch=48,
-        views_per_sample=1 if direct else 2,
+        views_per_sample=1 if views == "direct" else 2,
         steps=steps_of(size),
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,

@@ -16,7 +16,7 @@ PREDICTOR = {"predictor_steps": 200, "predictor_images": 2048}
 
 SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
     "cpu": {
-        "shapes": {"size": 32, "rectilinear": 0.0, "minutes": MINUTES},
+        "shapes": {"size": 32, "minutes": MINUTES},
         "shapes-paper": {
             "size": 32,
             "channels": 32,
@@ -34,7 +34,7 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         ),
     },
     "gpu": {
-        "shapes": {"size": 64, "rectilinear": 0.0, "steps": 20_000},
+        "shapes": {"size": 64, "steps": 20_000},
         "shapes-paper": {"size": 64, "steps": 300_000},
         "digits": {"size": 32, "steps": 20_000},
         "digits-paper": {"size": 32, "steps": 100_000},
@@ -42,8 +42,7 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         **dict.fromkeys(("wood-paper", "metal-paper", "plastic-paper"), {"size": 64, "steps": 50_000}),
     },
 }
-"""Flags of each recipe. Shapes have no preference among plans, so that arms differ by views alone. In the cpu budget
-the paper's recipes are smaller, equally in all arms of a figure."""
+"""Flags of each recipe. In the cpu budget the paper's recipes are smaller, equally in all arms of a figure."""
 OF_ARMS: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {"cpu": {"digits-predicted-paper": PREDICTOR}, "gpu": {}}
 """Flags of single arms, where not all arms of a recipe take them."""
 
