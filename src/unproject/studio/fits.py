@@ -145,6 +145,6 @@ def download_fit(state: State, request: Request) -> Answer:
     one = _found(state, request)
     x, run = _sample(one, request), one.run
     assert run is not None
-    which = request.whole("which", 0, 0, len(x) if one.fit is None else len(one.fit.x) - 1)
+    which = 0 if one.fit is None else request.whole("which", 0, 0, len(one.fit.x) - 1)
     name = Path(one.asked.name).stem + (f"-{which + 1}" if which else "")
     return state.compute(lambda: exported(run.domain, run.domain.largest_part(x), request.text("to"), name))
