@@ -141,6 +141,37 @@ def test_processes_save_and_leave_when_the_one_that_started_them_is_killed(tmp_p
     assert len(ranks) == 2 and not any(map(alive, ranks)) and load(run, trust=True).step > 0
 
 
+def test_a_child_of_a_killed_reproduction_stops(tmp_path: Path) -> None:
+    """As by SIGTERM: it leaves a checkpoint, and can be resumed."""
+    words = [
+        sys.executable,
+        "-m",
+        "unproject",
+        "train",
+        TOY,
+        "--steps",
+        "100000000",
+        "--quiet",
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    code = "import os, subprocess, time\nenv = {**os.environ, 'UNPROJECT_PARENT': str(os.getpid())}\n"
+    code += f"print(subprocess.Popen({words!r}, env=env).pid, flush=True)\ntime.sleep(1000)"
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    stats = tmp_path / "run" / "stats.jsonl"
+    while not (stats.exists() and stats.stat().st_size):
+        time.sleep(0.1)
+    parent.kill()
+    parent.communicate()
+    for _ in range(600):
+        if not alive(child):
+            break
+        time.sleep(0.1)
+    assert not alive(child) and load(tmp_path / "run", trust=True).step > 0
+
+
 def alive(process: int) -> bool:
     """Whether it runs: one that ended and was not waited for is none."""
     stat = Path(f"/proc/{process}/stat")

@@ -9,8 +9,6 @@ import json
 import math
 import os
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -291,32 +289,6 @@ def raced(out: Path, seed: int, begin: float) -> int:
         finally:
             os._exit(status)
     return child
-
-
-def test_a_child_of_a_killed_reproduction_stops(tmp_path: Path) -> None:
-    """As by SIGTERM: it leaves a checkpoint, and can be resumed."""
-    words = [sys.executable, "-m", "unproject", *TRAIN, "--steps", "100000000", "--out", str(tmp_path / "run")]
-    code = "import os, subprocess, time\nenv = {**os.environ, 'UNPROJECT_PARENT': str(os.getpid())}\n"
-    code += f"print(subprocess.Popen({words!r}, env=env).pid, flush=True)\ntime.sleep(1000)"
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert parent.stdout is not None
-    child = int(parent.stdout.readline())
-    stats = tmp_path / "run" / "stats.jsonl"
-    while not (stats.exists() and stats.stat().st_size):
-        time.sleep(0.1)
-    parent.kill()
-    parent.communicate()
-    for _ in range(600):
-        if not alive(child):
-            break
-        time.sleep(0.1)
-    assert not alive(child) and load(tmp_path / "run", trust=True).step > 0
-
-
-def alive(process: int) -> bool:
-    """Whether it runs: one that ended and was not waited for is none."""
-    stat = Path(f"/proc/{process}/stat")
-    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 # Numbers

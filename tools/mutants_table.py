@@ -3220,7 +3220,7 @@ TRUST = (
         "_parent.py",
         "    while os.getppid() == parent:",
         "    while parent:",
-        "test_trust.py::test_a_child_of_a_killed_reproduction_stops",
+        "test_processes.py::test_a_child_of_a_killed_reproduction_stops",
     ),
     mutant(
         "text that is none",

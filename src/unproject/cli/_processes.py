@@ -73,6 +73,7 @@ def launch(words: Sequence[str], count: int) -> int:
         return _failed(rank, count, failure.exitcode)
     finally:
         logging.disable(logging.NOTSET)
+        os.environ.pop(PARENT)
     return 0
 
 
