@@ -80,7 +80,8 @@ def seen_from_above(plan: torch.Tensor, height: int = 5) -> torch.Tensor:
 ROW, COLUMN = torch.meshgrid(torch.arange(32) - 15.5, torch.arange(32) - 15.5, indexing="ij")
 PLANS = {
     "square": (torch.maximum(ROW.abs(), COLUMN.abs()) < 6, 0.0),
-    "rectangle of 2 : 1": (torch.maximum(ROW.abs() / 2, COLUMN.abs()) < 6, math.log(9 / 8)),
+    "rectangle of 2 : 1": (torch.maximum(ROW.abs() / 2, COLUMN.abs()) < 6, 0.0),
+    "ellipse": (ROW.square() / 4 + COLUMN.square() < 7.2**2, math.log(4 / math.pi)),
     "disc": (ROW.square() + COLUMN.square() < 14.2**2, math.log(4 / math.pi)),
     "on its corner": (ROW.abs() + COLUMN.abs() < 14.5, math.log(2)),
     "at the walls": (torch.ones(32, 32), 0.0),

@@ -44,7 +44,7 @@ def regulariser_of(
     """
     solid, rectilinear, connected = weights
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
-    terms += [Rectilinear(rectilinear, rectilinear / 20)] if rectilinear and views not in ("known", "direct") else []
+    terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and views not in ("known", "direct") else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)

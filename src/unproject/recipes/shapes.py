@@ -94,7 +94,7 @@ def shapes(
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
         rectilinear: weight at the start of the preference for shapes that are rectangles from above, if views are not
-            known; it falls to a twentieth early. Of worlds that match the pictures alike it decides for simple plans.
+            known; it falls to 0.3 of it early. Of worlds that match the pictures alike it decides for simple plans.
         connected: weight of the preference for shapes in one piece.
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.
