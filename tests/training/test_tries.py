@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -89,31 +88,6 @@ def test_killed_among_tries(killed_at: int, tmp_path: Path, monkeypatch: pytest.
     if (tmp_path / "run" / "checkpoints").exists():
         resume(tmp_path / "run", RECIPE, quiet=True)
         assert differences(whole, tmp_path / "run") == []
-
-
-@pytest.mark.parametrize("best", [0, 1, 2])
-def test_the_best_goes_on_with_its_own_regulariser(best: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And keeps it when it is resumed: the recipe has one for all, the second try none of its own."""
-    merits(monkeypatch, *(float(number == best) for number in range(3)))
-    seen: list[tuple[str, int]] = []
-    kills = [10]
-
-    def term(name: str, x: Tensor, progress: float) -> Tensor:
-        seen.append((name, round(12 * progress)))
-        if [seen[-1][1]] == kills:
-            kills.clear()
-            raise Killed
-        return 0 * x.sum()
-
-    own = (partial(term, "first"), None, partial(term, "third"))
-    recipe = RECIPE.replace(tries=Tries(3, 0.2, 1, own), regulariser=partial(term, "all"))
-    with pytest.raises(Killed):
-        train(recipe, tmp_path / "run", quiet=True)
-    resume(tmp_path / "run", recipe, quiet=True)
-    of_try = {step: name for name, step in seen if name != "all"}
-    tried = ["first"] * 3 + [None] * 2 + ["third"] * 3
-    assert [of_try.get(step) for step in range(12)] == tried + [["first", None, "third"][best]] * 4
-    assert sorted({step for name, step in seen if name == "all"}) == list(range(12))
 
 
 def test_a_start_too_short_to_tell_goes_on(tmp_path: Path) -> None:

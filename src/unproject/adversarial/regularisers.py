@@ -78,7 +78,7 @@ class Rectilinear:
 
     weight: float = 1.0
     final: float = 0.3
-    until: float = 0.25
+    until: float = 0.2
     density: float = 2.0
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:

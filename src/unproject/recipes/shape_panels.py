@@ -24,7 +24,7 @@ from ..projections.base import Projection
 from ..projections.cropped import Cropped
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
-from ..training import Adam, Tries
+from ..training import Adam
 from ..training.estimate import require_memory
 from .pairing import Views, panel_of
 
@@ -35,24 +35,19 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
 def regulariser_of(
-    views: Views, solid: float, connected: float, projection: Projection, bands: int
+    views: Views, weights: tuple[float, float, float], projection: Projection, bands: int
 ) -> Regulariser | None:
-    """Return the preferences whose weight is not zero: for full volumes, for one piece.
+    """Return the preferences whose weight is not zero: for full volumes, for rectangular plans, for one piece.
 
-    Only in silhouettes hollow volumes look full. Shapes that are seen in cropped pictures are kept in the middle:
-    sideways by level cameras, by others from top to bottom too.
+    Only in silhouettes hollow volumes look full, and only of unknown views any plan may be right. Shapes that are seen
+    in cropped pictures are kept in the middle: sideways by level cameras, by others from top to bottom too.
     """
+    solid, rectilinear, connected = weights
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
+    terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and views not in ("known", "direct") else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
-
-
-def tries_of(views: Views, count: int, rectilinear: float) -> Tries | None:
-    """Return the tries of shapes whose views are predicted: every other one of them prefers plans with corners."""
-    if views != "predicted":
-        return None
-    return Tries(count, regularisers=(Rectilinear(rectilinear, 0.3 * rectilinear), None) if rectilinear else ())
 
 
 def generator_of(

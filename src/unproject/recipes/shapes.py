@@ -19,7 +19,7 @@ from ..assignment import MeanShapeInitialiser
 from ..domains import Volumes
 from ..networks import Discriminator, VoxelGenerator
 from ..projections.silhouette import Silhouette, mirrored_views
-from ..training import Adam, Options, Recipe, resumable
+from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, jointly_predicted, panel_of
 from .precision import in_fast_precision
 from .shape_panels import (
@@ -32,7 +32,6 @@ from .shape_panels import (
     silhouette_views,
     silhouettes_of,
     split_panel,
-    tries_of,
 )
 from .sizes import sized_by_data, steps_of
 
@@ -64,7 +63,7 @@ def shapes(
     rounds: int = 40,
     balance: float = 0.8,
     init_views: bool = False,
-    tries: int = 4,
+    tries: int = 3,
     mirror: bool = True,
     **options: Unpack[Options],
 ) -> Recipe:
@@ -94,8 +93,8 @@ def shapes(
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
-        rectilinear: weight at the start of a preference for shapes that are rectangles from above, in every other try;
-            it falls to 0.3 of it early. Level pictures hardly tell plans; which preference is right, tries do.
+        rectilinear: weight at the start of the preference for shapes that are rectangles from above, if views are not
+            known; it falls to 0.3 of it early. Of worlds that match the pictures alike it decides for simple plans.
         connected: weight of the preference for shapes in one piece.
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.
@@ -122,14 +121,14 @@ def shapes(
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(views, solid, connected, observations[0].projection, bands or 1),
+        regulariser=regulariser_of(views, (solid, rectilinear, connected), observations[0].projection, bands or 1),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         batch=48,
         views_per_sample=1 if views == "direct" else 2,
         steps=steps_of(size),
         seed=seed,
-        tries=tries_of(views, tries, rectilinear),
+        tries=Tries(tries) if views == "predicted" else None,
     ).configured(options)
 
 

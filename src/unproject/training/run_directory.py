@@ -146,9 +146,8 @@ def read_origin(path: Path) -> Origin | None:
 def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]:
     """Return what newer flags of our recipes have to be for runs of before there were these flags."""
     older: dict[str, Any] = {"precision": "float32"}
-    tries = resolved.get("tries") or {}
-    if function == "unproject.recipes.shapes:shapes" and "regularisers" not in tries:
-        older |= {"rectilinear": 0.0, "tries": tries.get("count", 1)}
+    if function == "unproject.recipes.shapes:shapes" and "Rectilinear" not in json.dumps(resolved.get("regulariser")):
+        older["rectilinear"] = 0.0
     return older
 
 

@@ -133,12 +133,6 @@ class State:
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
 
-    def regulariser(self, x: Tensor, progress: float) -> Tensor | float:
-        """Return the term of the recipe's regulariser, and of that of the try that this state began as."""
-        recipe = self.recipe
-        of_try = recipe.tries.regulariser(self.counters.start) if recipe.tries else None
-        return sum((term(x, progress) for term in (recipe.regulariser, of_try) if term is not None), start=0.0)
-
     def keep(self, merit: float) -> None:
         """Keep the state as it is now, but for the counters."""
         self.counters.best_merit, self.counters.best_start = merit, self.counters.start

@@ -175,7 +175,7 @@ class Trainer:
                 )
         measure = recipe.balance_every > 0 and len(terms) > 1 and state.counters.step % recipe.balance_every == 0
         total, loss = balanced_loss(state, terms, self.distribution if measure else None)
-        extra = state.regulariser(x, progress)
+        extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
         for batch in batches:
             with self._autocast():
                 extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)

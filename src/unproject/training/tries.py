@@ -1,17 +1,15 @@
-"""Tries: several short starts, of which the one whose assignment knows most goes on.
+"""Tries: several short starts from different weights, of which the one whose assignment knows most goes on.
 
 Adversarial training with unknown views ends in the world that it began to believe in: an object may lie across its
 plane of symmetry, or look the same from all sides. Which world pictures fit best shows early, as the information that
-they hold of their views (`AssignmentState.merit`). Tries differ by their weights and, if asked, by what they prefer
-where pictures alone do not decide: so pictures choose among preferences, none of which is right for everything.
+they hold of their views (`AssignmentState.merit`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from .._types import UserError
-from ..adversarial.regularisers import Regulariser
 
 
 @dataclass(frozen=True)
@@ -22,8 +20,6 @@ class Tries:
         count: tries.
         share: of the budget, for each.
         least_steps: if the first try takes fewer steps, it goes on and no others begin.
-        regularisers: of the first try, the second and so on, in turn, besides the recipe's (None: no other). The try
-            that goes on keeps its own.
 
     Raises:
         UserError: for less than one try, or tries that take all of the budget.
@@ -37,7 +33,6 @@ class Tries:
     count: int = 3
     share: float = 0.06
     least_steps: int = 100
-    regularisers: tuple[Regulariser | None, ...] = field(default=(), metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
         if not (self.count >= 1 and self.share > 0 and self.count * self.share < 1 and self.least_steps >= 1):
@@ -46,7 +41,3 @@ class Tries:
     def end(self, number: int) -> float:
         """Return the part of the budget at which a try, counted from 0, ends."""
         return (number + 1) * self.share
-
-    def regulariser(self, number: int) -> Regulariser | None:
-        """Return that of a try, counted from 0, besides the recipe's."""
-        return self.regularisers[number % len(self.regularisers)] if self.regularisers else None
