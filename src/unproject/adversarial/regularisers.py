@@ -56,8 +56,8 @@ class Rectilinear:
     No level camera sees this silhouette, and widths alone do not tell it: pictures that are wide or narrow are objects
     that are, or the two sides of one long object, and both match them. Between such worlds a run drifts, to plans that
     are round or pointed; this decides for sides and corners, which let pictures tell where the sides are. w is `weight`
-    up to the part `until` of the budget, in which tries are made too, falls geometrically to `final` up to twice that,
-    and stays there. `Solid` prefers a disc to a square of the same mean width, by 0.24 times its own weight, so that w
+    up to the part `until` of the budget, in which tries are made too, falls geometrically to `final` up to a quarter
+    more, and stays there. `Solid` prefers a disc to a square of the same mean width, by 0.24 times its own weight, so that w
     has to be more than that weight.
 
     Args:
@@ -83,7 +83,7 @@ class Rectilinear:
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
-        fallen = min(max(progress / self.until - 1.0, 0.0), 1.0)
+        fallen = min(max(4 * (progress / self.until - 1.0), 0.0), 1.0)
         weight = self.weight * (self.final / self.weight) ** fallen
         plan = F.pad(1 - torch.exp(-self.density * x.sum(2)), (1, 1, 1, 1))
         along_x, along_z = (plan.diff(dim=axis).abs().flatten(1).sum(1) + TINY for axis in (1, 2))
