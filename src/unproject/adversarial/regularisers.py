@@ -55,10 +55,12 @@ class Rectilinear:
 
     No level camera sees this silhouette, and widths alone do not tell it: pictures that are wide or narrow are objects
     that are, or the two sides of one long object, and both match them. Between such worlds a run drifts, to plans that
-    are round or pointed; this decides for sides and corners, which let pictures tell where the sides are. w is `weight`
-    up to the part `until` of the budget, in which tries are made too, falls geometrically to `final` up to a quarter
-    more, and stays there. `Solid` prefers a disc to a square of the same mean width, by 0.24 times its own weight, so that w
-    has to be more than that weight.
+    are round or pointed; this decides for sides and corners, which let pictures tell where the sides are. Bodies of
+    revolution, whose pictures do not object, become boxes.
+
+    w is `weight` up to the part `until` of the budget, in which tries are made too, falls geometrically to `final` up
+    to a quarter more, and stays there. `Solid` prefers a disc to a square of the same mean width, by 0.24 times its own
+    weight, so that w has to be more than that weight.
 
     Args:
         weight, final: w at the start and at the end.
