@@ -38,7 +38,7 @@ format: install
 
 # One thread a worker: two workers on two cores, and numbers that do not depend on the thread count.
 pytest: install tests/gltf/node_modules
-	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) $(PYTEST_ARGS)
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
 
 # The Khronos glTF validator, an outside oracle; without npm or a network its tests are skipped.
 tests/gltf/node_modules: $(wildcard tests/gltf/package-lock.json)

@@ -69,7 +69,7 @@ def build(folder: Path) -> Path:
 def test_the_site(tmp_path: Path) -> None:
     """One test, so that the site is built once, whichever worker has it."""
     pytest.importorskip("sphinx", reason="Sphinx is not installed: pip install 'unproject[docs]'")
-    site = build(tmp_path)
+    site = build(tmp_path.resolve())
     pages = {path: Page(path) for path in site.rglob("*.html") if "_static" not in path.parts}
     every_link_and_anchor_exists(site, pages)
     links_that_lead_nowhere_are_found(site, pages)
@@ -89,7 +89,7 @@ def missing(page: Path, link: str, pages: Pages) -> bool:
     target = (page.parent / unquote(parts.path)).resolve() if parts.path else page.resolve()
     if not target.is_file():
         return True
-    known = {path.resolve(): found for path, found in pages.items()}.get(target)
+    known = pages.get(target)
     return bool(parts.fragment and known and unquote(parts.fragment) not in known.anchors)
 
 

@@ -54,12 +54,12 @@ def test_noise_and_missing_digits_are_worse():
     assert missing["recall"].value < 0.7 * good["recall"].value and missing["class_distance"].value > 0.4
 
 
-@pytest.mark.parametrize("gauge", [Gauge(3, False, 20), Gauge(5, True, 20)])
+@pytest.mark.parametrize("gauge", [Gauge(3, False, 8), Gauge(2, True, 8)])
 def test_the_gauge_is_found_and_taken_back(gauge):
     turned = apply_to_images(DIGITS, gauge)
-    found = best_image_gauge(turned, digits(32)[:297], 20)
+    found = best_image_gauge(turned, digits(32)[:297], 8)
     assert found == gauge.inverse
-    scores = image_scores(turned, DIGITS, bins=20)
+    scores = image_scores(turned, DIGITS, bins=8)
     assert scores["frechet"].value < 0.2 * image_scores(turned, DIGITS)["frechet"].value
     assert (scores["gauge_turn"].value, scores["gauge_reflected"].value) == (found.turn, found.reflected)
 
