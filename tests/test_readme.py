@@ -49,6 +49,8 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of cut-outs in the current directory, and of textures and photographs, as the README supposes."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Studio, "serve_forever", lambda self: None)  # it would until Ctrl-C
+    # Reports have tests of their own, and their pictures take longer than two steps.
+    monkeypatch.setattr("unproject.cli._report.leave_report", lambda run, quiet: None)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = tmp_path / "my_masks"
     folder.mkdir()
