@@ -14,8 +14,9 @@ uniform around the circle. An arm is a class, a form, views and a seed:
 Each arm trains `shapes` on one thread for some minutes of CPU time, so that it matters little what runs beside, and is
 scored against held-out shapes: MMD and COV (1 - IoU, all shapes at one size, the gauge chosen on training shapes) over
 those of as many training shapes; the same of the visual hulls of training shapes, the best that level silhouettes can
-tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in one piece. A line
-of JSON an arm is written to RESULTS/results.jsonl, an arm that is there is left out, the table is printed at the end.
+tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in one piece; the
+verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm that is there is
+left out, the table is printed at the end.
 """
 
 from __future__ import annotations
@@ -133,6 +134,8 @@ def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: 
     found |= shapes_quality(run, folder, fixed=form == "known")
     if form != "known":
         found |= views_quality(run, recipe, folder, form)
+    verdict = run.verdict(recipe=recipe)
+    found |= {"verdict": verdict.word, "says": verdict.line}
     up.export.contact_sheet(run.sample(12, seed=1), out / f"{name}-{form}-{seed}.png", size=80)
     return found
 
@@ -184,8 +187,9 @@ def at_size(x: Tensor) -> Tensor:
 def table(results: Sequence[dict[str, Any]]) -> str:
     """Return the results as a Markdown table; the last column is the MMD over that of known views of the same seed."""
     known = {(r["class"], r["seed"]): r["mmd"] for r in results if r["form"] == "known"}
-    head = "| class | form | seed | MMD / own (hulls) | COV / own (hulls) | one piece | views / ceiling | MMD / known |"
-    lines = [head, "|---" * 8 + "|"]
+    names = ("class", "form", "seed", "MMD / own (hulls)", "COV / own (hulls)", "one piece", "views / ceiling")
+    head = f"| {' | '.join(names)} | MMD / known | verdict |"
+    lines = [head, "|---" * 9 + "|"]
     for r in sorted(results, key=lambda r: (r["class"], FORMS.index(r["form"]), r["seed"])):
         views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
         base = known.get((r["class"], r["seed"]))
@@ -193,7 +197,7 @@ def table(results: Sequence[dict[str, Any]]) -> str:
         lines.append(
             f"| {r['class']} | {r['form']} | {r['seed']} | {r['mmd_ratio']:.2f} ({r['mmd_of_hulls']:.2f}) "
             f"| {r['cov_ratio']:.2f} ({r['cov_of_hulls']:.2f}) "
-            f"| {r['in_one_piece']:.2f} | {views} | {ratio} |"
+            f"| {r['in_one_piece']:.2f} | {views} | {ratio} | {r.get('verdict', '')} |"
         )
     return "\n".join(lines)
 

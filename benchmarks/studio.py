@@ -3,12 +3,15 @@
     python benchmarks/studio.py RUNS --minutes 15
 
 RUNS has a run of shapes called chairs and one of a material called wood; it is copied, to 50 runs, elsewhere. Chromium
-and Playwright are needed (docs/studio.md). Prints one JSON object:
+and Playwright are needed (docs/studio.md). Before the random clicking every panel of every run is opened and every
+control of PLACES used once, since what is opened is kept: memory that grows afterwards is a leak. Prints one JSON
+object:
 
     first_picture_s     from the start of the page to the first picture of 50 runs
     mesh_ms             from a slider's move to the mesh on the canvas: median, and 95th of 100
     rendering_ms        of 256 × 256 pixels, from the drag to the picture: median, and 95th of 100
     clicks, errors, requests_elsewhere    of random clicking
+    opened_s, opened_mb    of opening everything once, and what the server and the page's objects take then
     memory_mb, page_mb    of the server, and of the page's objects on its first panel: medians of each tenth of the time
 """
 
@@ -24,13 +27,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import CDPSession, Error, Page, sync_playwright
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
-RUNS, MOVES = 50, 100
+RUNS, MOVES, CONTROLS = 50, 100, 60
+PANELS = ("runs", "explore", "materials", "collections", "fit")
 PLACES = (
     "runs",
     "runs?run=chairs",
@@ -122,6 +127,33 @@ CLICK = """(seed) => {
 }"""
 
 
+def opened(page: Page, address: str, process: subprocess.Popen[str], names: list[str]) -> dict[str, Any]:
+    """Open every panel of every run, then use every control of PLACES once."""
+    began = time.perf_counter()
+    for place in [f"{panel}?run={name}" for name in names for panel in PANELS]:
+        page.goto(f"{address}#/{place}")
+        page.wait_for_timeout(500)
+    for place in PLACES:
+        for k in range(CONTROLS):
+            page.goto(f"{address}#/{place}")
+            page.wait_for_timeout(150)
+            with suppress(Error):  # it went to another page
+                page.evaluate(CLICK, (k + 0.5) / CONTROLS)
+    page.wait_for_timeout(10_000)
+    devtools = page.context.new_cdp_session(page)
+    return {
+        "opened_s": round(time.perf_counter() - began),
+        "opened_mb": [round(memory_mb(process)), round(at_first_panel(page, address, devtools), 2)],
+    }
+
+
+def at_first_panel(page: Page, address: str, devtools: CDPSession) -> float:
+    """Return what the page's objects take on its first panel, where memory is always looked at: panels differ."""
+    page.goto(f"{address}#/runs")
+    page.wait_for_function("() => !!document.querySelector('article')")  # a handle would keep the whole list
+    return heap_mb(devtools)
+
+
 def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: float) -> dict[str, Any]:
     """Click at random; now and then go to another panel."""
     draw, asked, wrong = random.Random(0), [], []
@@ -135,9 +167,8 @@ def clicked(page: Page, address: str, process: subprocess.Popen[str], minutes: f
     devtools = page.context.new_cdp_session(page)
     while time.perf_counter() - began < 60 * minutes:
         if clicks % 25 == 0:
-            page.goto(f"{address}#/runs")  # where memory is always looked at: panels differ in what they hold
-            page.wait_for_function("() => !!document.querySelector('article')")  # a handle would keep the whole list
-            memory.append((memory_mb(process), heap_mb(devtools)))
+            heap = at_first_panel(page, address, devtools)
+            memory.append((memory_mb(process), heap))
             page.goto(f"{address}#/{draw.choice(PLACES)}")
         try:
             page.evaluate(CLICK, draw.random())
@@ -174,6 +205,8 @@ def main() -> None:
             found: dict[str, Any] = {"first_picture_s": round(first_picture(page, address), 3)}
             found["mesh_ms"] = milliseconds(page, address, "explore?run=chairs", SLIDE)
             found["rendering_ms"] = milliseconds(page, address, "materials?run=wood", DRAG)
+            print(json.dumps(found), flush=True)
+            found |= opened(page, address, process, sorted(run.name for run in Path(name).iterdir()))
             print(json.dumps(found), flush=True)
             found |= clicked(page, address, process, given.minutes)
             print(json.dumps(found))
