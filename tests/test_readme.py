@@ -35,7 +35,7 @@ PAGES = {
     "docs/tutorials/cluster.md": {"data", "train", "resume"},
 }
 """Page → verbs that it has commands of."""
-OTHERS = ("docs/how.md", "docs/results.md", "docs/conventions.md", "CONTRIBUTING.md")
+OTHERS = ("docs/how.md", "docs/results.md", "docs/trials.md", "docs/conventions.md", "CONTRIBUTING.md")
 FRAGMENTS = ("README.md", "docs/usage.md")
 """Pages whose Python is not what their commands need; that of the README has a test of its own."""
 
@@ -103,8 +103,9 @@ def shortened(command: str) -> str:
     command = re.sub(r"--(minutes|steps|batch) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
     command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
+    fewer = " --maps 8 --renderings 4" if re.search("train (wood|metal|plastic) (?!--data)", command) else ""
     more = {
-        "train": "--steps 2 --batch 4 --quiet",
+        "train": f"--steps 2 --batch 4 --quiet{fewer}",
         "resume": "--steps 3 --quiet",
         "evaluate": "--n 10",
         "fit": LEAST_FIT,

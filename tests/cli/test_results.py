@@ -19,7 +19,8 @@ from unproject._objects import find_object
 from unproject.cli import main
 from unproject.data import chairs
 from unproject.export import turntable
-from unproject.training import load
+from unproject.training import Recipe, load
+from unproject.training.origin import rebuild
 
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
@@ -173,6 +174,14 @@ def test_scores_repeat_and_depend_on_the_seed(
 ) -> None:
     a, b, c = (evaluate(capsys, runs("known"), "--reference", shapes, "--seed", s) for s in ("0", "0", "1"))
     assert a == b and a != c
+
+
+def test_the_recipe_is_made_once(
+    runs: Callable[[str], Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Recipe] = []
+    monkeypatch.setattr("unproject.training.run.rebuild", lambda *args: made.append(rebuild(*args)) or made[-1])
+    assert "verdict" in evaluate(capsys, runs("known")) and len(made) == 1
 
 
 def test_scores_against_silhouettes(

@@ -228,3 +228,13 @@ def test_damaged_files_have_no_side_whatever_their_decoder_raises(tmp_path: Path
         path.write_bytes(damaged)
         found = side_of(path)
         assert found is None or found > 0
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_inspect_says_that_views_are_known(known: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = folder(tmp_path / "masks", (40, 40), (40, 40))
+    if known:
+        rows = [f"{path.name},{90 * k}" for k, path in enumerate(sorted(data.glob("*.png")))]
+        (data / "views.csv").write_text("\n".join(["file,azimuth", *rows]))
+    assert main(["data", "inspect", str(data)]) == 0
+    assert ("views are known: --views known" in capsys.readouterr().out) == known

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +10,14 @@ import pytest
 import torch
 from comparing import differences, stats
 from torch import Tensor
-from toy import toy
+from toy import only_panel, toy, with_panel, with_predicted
 
 from unproject._types import UserError
+from unproject.adversarial.adaptive import Adaptive
+from unproject.adversarial.augmentation import Affine
 from unproject.assignment import PredictedState
 from unproject.domains import Domain
+from unproject.projections.observation import Observation
 from unproject.training import Tries, resume, train, trainer
 from unproject.training.health import check
 from unproject.training.state import State
@@ -47,11 +50,11 @@ def test_the_best_goes_on_as_it_was(
     merits(monkeypatch, *values)
     ends: list[dict[str, Tensor]] = []
     again, take = State.begin_again, State.take_kept
-    monkeypatch.setattr(State, "begin_again", lambda s, n: (ends.append(s.tensors()), again(s, n)))
+    monkeypatch.setattr(State, "begin_again", lambda s, *given: (ends.append(s.tensors()), again(s, *given)))
 
-    def taken(state: State) -> None:
+    def taken(state: State, progress: float) -> None:
         ends.append(state.tensors())
-        take(state)
+        take(state, progress)
         now = state.tensors()
         assert set(now) == {name for name in ends[best] if not name.startswith("kept/")}
         for name, value in now.items():
@@ -67,6 +70,27 @@ def test_the_best_goes_on_as_it_was(
     tried = [line for line in stats(run.path) if line.get("event") == "tried"]
     assert [line["merit"] for line in tried] == list(values) and [line["number"] for line in tried] == [0, 1, 2]
     assert [line["step"] for line in tried] == [3, 5, 8]
+
+
+def test_losses_begin_anew_and_count_the_budget_from_there() -> None:
+    """The strength of an augmentation moves by what has passed since, not by the tries between."""
+    train_on, held_out = only_panel(RECIPE).collections[0].split(0.3)
+    recipe = with_panel(RECIPE, data=train_on, held_out=held_out).replace(augmentation=Adaptive(Affine(), rise=0.2))
+    state = State(recipe, torch.device("cpu"))
+    (panel,) = state.panels
+
+    def strength(progress: float) -> float:
+        assert panel.augmentation is not None
+        panel.augmentation.adapt(train=1.0, held_out=-0.5, generated=-1.0, progress=progress)
+        return panel.augmentation.log()["strength"]
+
+    assert strength(0.02) == 0.1
+    panel.gradient_norm = 3.0
+    state.keep(1.0)
+    state.begin_again(1, 0.06)
+    assert strength(0.07) == 0.05 and panel.gradient_norm == 1.0
+    state.take_kept(0.12)
+    assert strength(0.14) == 0.2 and panel.gradient_norm == 3.0
 
 
 @pytest.mark.parametrize("killed_at", [2, 4, 6, 9, 11])
@@ -88,6 +112,15 @@ def test_killed_among_tries(killed_at: int, tmp_path: Path, monkeypatch: pytest.
     if (tmp_path / "run" / "checkpoints").exists():
         resume(tmp_path / "run", RECIPE, quiet=True)
         assert differences(whole, tmp_path / "run") == []
+
+
+def test_each_try_has_initial_views(tmp_path: Path) -> None:
+    def initialiser(observations: Sequence[Observation], items: Tensor, seed: int) -> Tensor:
+        return torch.eye(len(observations)).repeat(len(items), 1)[: len(items)]
+
+    late = with_predicted(toy(steps=12, starts=(0.9,)), initialiser=initialiser)
+    run = train(late.replace(tries=Tries(3, 0.2, least_steps=1)), tmp_path / "run", quiet=True)
+    assert [line["step"] for line in stats(run.path) if line.get("event") == "initialised"] == [0, 3, 5]
 
 
 def test_a_start_too_short_to_tell_goes_on(tmp_path: Path) -> None:

@@ -113,6 +113,9 @@ class AdaptiveState(AugmentationState):
         self.strength.clamp_(0.0, self.settings.most)
         self.moved_at.fill_(progress)
 
+    def go_on_from(self, progress: float) -> None:
+        self.moved_at.fill_(progress)
+
     @property
     def penalty_scale(self) -> float:
         return self.settings.penalty ** (self.strength.item() / (self.settings.most or 1.0))

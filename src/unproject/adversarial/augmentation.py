@@ -70,6 +70,9 @@ class AugmentationState(nn.Module):
     def adapt(self, train: float, held_out: float, generated: float, progress: float) -> None:
         """Take over the discriminator's mean logits of these images, at `progress`, 0 to 1, of the budget."""
 
+    def go_on_from(self, progress: float) -> None:
+        """Count the budget from here on: another try has spent what lies before."""
+
     @property
     def penalty_scale(self) -> float:
         """The factor of the gradient penalty as of now."""

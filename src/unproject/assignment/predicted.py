@@ -116,6 +116,7 @@ class PredictedState(PredictingState):
         self.seed = seed
         self.predictor = self._new_predictor()
         self.adam: torch.optim.Adam | None = None
+        self.begun = False
         for name in ("round", "fitting", "fitted", "last"):
             self.register_buffer(name, torch.tensor(0))
 
@@ -123,8 +124,8 @@ class PredictedState(PredictingState):
         return self.settings.fit.network(self.panel.shape, len(self.panel.observations))
 
     def before_step(self, run: Context) -> bool:
-        initialiser = self.settings.initialiser
-        if initialiser is not None and run.step == 0 and self.round == 0 and not self.heads.any():  # none is assigned
+        initialiser, begun, self.begun = self.settings.initialiser, self.begun, True
+        if initialiser is not None and not begun and self.round == 0 and not self.heads.any():  # none is assigned
             seed, rows = derived_seed(self.seed, 0, "assignment"), self._upcoming(run)
             items = torch.cat([self._kept(rows).floats(), *(part.floats() for part in self._held_out())])
             self._assign(run, initialiser(self.panel.observations, items, seed), rows, seed, event="initialised")
@@ -153,7 +154,7 @@ class PredictedState(PredictingState):
             return False
         self.predictor.load_state_dict(stored)
         seed, rows = derived_seed(self.seed, 0, "assignment"), self._measured()
-        found = self.settings.estimator.responsibilities(self._probabilities(rows))
+        found = self._responsibilities(self._probabilities(rows))
         self._take(*self.settings.estimator.assign(found, seed), rows, seed)
         if self.coverage is not None:
             self.coverage.expire()
@@ -198,10 +199,11 @@ class PredictedState(PredictingState):
         return self.coverage.extend(run, min(later, default=1.0), rounds.least_steps)
 
     def _cover_what_is_left(self, run: Context) -> None:
-        """Predict further images if more are drawn than the last round foresaw."""
-        if self.coverage is not None and self.coverage.is_left(run):
+        """Predict further images if more are drawn than the last round foresaw; an initialiser is not asked again."""
+        initialised = self.round == 0 and self.settings.initialiser is not None
+        if self.coverage is not None and not initialised and self.coverage.is_left(run):
             rows = self._upcoming(run)
-            found = self.settings.estimator.responsibilities(self._predicted(run, rows))
+            found = self._responsibilities(self._predicted(run, rows))
             seed = derived_seed(self.seed, run.step, "further images")
             self._assign(run, found, rows, seed, event="assigned", round=int(self.round))
 

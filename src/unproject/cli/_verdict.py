@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from ..training import Run, Verdict
 
 
-def verdict_of(run: Run, seed: int = 0, trust: bool = False) -> Verdict | None:
+def verdict_of(run: Run, seed: int = 0) -> Verdict | None:
     """Return the verdict, or say why there is none."""
     try:
-        return run.verdict(seed=seed, trust=trust)
+        return run.verdict(seed=seed)
     except Exception as error:  # a part of the user's own may fail in any way; what was trained is there all the same
         say(f"no verdict ({type(error).__name__}: {error})")
         return None

@@ -66,6 +66,8 @@ def run(
         name, _, _, reason = found.rows[0]
         raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one")
     if for_ == "shapes" and size is None and not json:
+        if any(collection.latents for collection in found.collections.values()):
+            print("  views are known: --views known trains with them")
         _say_size(path)
     if out is not None:
         _write_sheet(found, out)

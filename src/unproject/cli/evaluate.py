@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_module
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,8 +62,9 @@ def run(
         against = opened.domain.read(reference, size).floats()
     else:
         against = held_out(read_origin(path), size, count)
-    scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling, trust=trust)
-    verdict = verdict_of(opened, seed, trust)
+    opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
+    scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
+    verdict = verdict_of(opened, seed)
     if json:
         all_scores = scores | (verdict.scores() if verdict else {})
         print(json_module.dumps({name: asdict(score) for name, score in all_scores.items()}, indent=1))

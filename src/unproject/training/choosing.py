@@ -37,7 +37,7 @@ def choose(
         state.keep(merit.item())
     counters.tried, counters.began, counters.collapsed = counters.tried + 1, counters.step, 0
     if counters.tried < tries.count:
-        state.begin_again(counters.tried)
+        state.begin_again(counters.tried, progress)
     else:
-        state.take_kept()
+        state.take_kept(progress)
     return True

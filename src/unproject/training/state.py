@@ -64,6 +64,13 @@ class PanelState:
     matching: MatchingState | None = None
     gradient_norm: float = 1.0
 
+    def begin_losses(self, recipe: Recipe, device: torch.device) -> PanelState:
+        """Begin what the losses remember: the augmentation, moving means, the gradient's norm; return the state."""
+        self.augmentation = recipe.augmentation and recipe.augmentation.begin()
+        self.matching = recipe.matching and recipe.matching.begin(some_images(self.panel)).to(device)
+        self.gradient_norm = 1.0
+        return self
+
     @property
     def penalty_scale(self) -> float:
         """The factor of the recipe's gradient penalty as of now."""
@@ -101,13 +108,7 @@ class State:
             self._build_networks(recipe)
             assignments = begin_assignments(recipe)
         self.panels = [
-            PanelState(
-                panel,
-                discriminator,
-                assignment.to(device),
-                recipe.augmentation and recipe.augmentation.begin(),
-                recipe.matching and recipe.matching.begin(some_images(panel)).to(device),
-            )
+            PanelState(panel, discriminator, assignment.to(device)).begin_losses(recipe, device)
             for panel, discriminator, assignment in zip(recipe.panels, self.discriminators, assignments, strict=True)
         ]
         self.domain: Domain = domain_of(self.generator, recipe.domain)
@@ -138,13 +139,21 @@ class State:
         self.counters.best_merit, self.counters.best_start = merit, self.counters.start
         self.kept = {name: value for name, value in self.tensors().items() if not name.startswith(("counters/", KEPT))}
 
-    def begin_again(self, number: int) -> None:
-        """Begin a try from new weights and new assignments."""
+    def begin_again(self, number: int, progress: float) -> None:
+        """Begin a try at `progress` of the budget: from new weights, new assignments and new losses."""
         with seeded(self._seed_of(number), "weights"):
             self._build_networks(self.recipe)
             self._begin_assignments(number)
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
+            panel.begin_losses(self.recipe, self.device)
+        self._go_on_from(progress)
+
+    def _go_on_from(self, progress: float) -> None:
+        """Let augmentations count the budget from here on."""
+        for panel in self.panels:
+            if panel.augmentation is not None:
+                panel.augmentation.go_on_from(progress)
 
     def _begin_assignments(self, number: int) -> None:
         """Begin the assignments of a try, whose draws depend on its seed."""
@@ -156,12 +165,13 @@ class State:
     def _seed_of(self, number: int) -> int:
         return derived_seed(self.recipe.seed, number, "try") if number else self.recipe.seed
 
-    def take_kept(self) -> None:
-        """Return to the state that was kept, but for the counters."""
+    def take_kept(self, progress: float) -> None:
+        """Return, at `progress` of the budget, to the state that was kept, but for the counters."""
         self.counters.start = self.counters.best_start
         counters = {name: value for name, value in self.tensors().items() if name.startswith("counters/")}
         self.load({**self.kept, **counters})
         self.kept = {}
+        self._go_on_from(progress)
 
     def update_average(self, half_life: float) -> None:
         """Move the averaged weights towards the generator's.

@@ -87,7 +87,7 @@ def check_used(path: Path, used: int, skipped: Sequence[tuple[str, str]]) -> Non
         name, reason = skipped[0]
         raise UserError(
             f"{path}: none of the {len(skipped)} pictures can be used ({name}: {reason}); "
-            f"see `unproject data inspect {path}`, or change the threshold"
+            f"see `unproject data inspect {path}`, whose flags `unproject data pack` takes too"
         )
 
 
