@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 import torch
 
+from unproject._types import UserError
 from unproject.adversarial.regularisers import Centred, Connected, Rectilinear, Regularisers, Solid
 from unproject.ops.parts import number_parts
 
@@ -184,3 +186,25 @@ def test_several_are_summed_and_see_the_progress() -> None:
     x = volumes(0.1, 0.8)
     both = Regularisers((Solid(0.3, 0.0), lambda x, progress: x.mean() * progress))
     assert both(x, 0.5).item() == pytest.approx((Solid(0.15, 0.15)(x, 0.0) + x.mean() / 2).item())
+
+
+@pytest.mark.parametrize(
+    "term, wrong",
+    [
+        (Solid, {"weight": -1.0}),
+        (Solid, {"final": math.nan}),
+        (Rectilinear, {"weight": 0.0}),
+        (Rectilinear, {"final": -0.3}),
+        (Rectilinear, {"until": 0.0}),
+        (Rectilinear, {"density": math.inf}),
+        (Connected, {"weight": math.nan}),
+        (Connected, {"level": 1.0}),
+        (Connected, {"volumes": 0}),
+        (Centred, {"weight": -1.0}),
+        (Centred, {"axes": ""}),
+        (Centred, {"axes": "xw"}),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(term: Any, wrong: dict[str, Any]) -> None:
+    with pytest.raises(UserError, match=f"{term.__name__}.*give "):
+        term(**wrong)

@@ -89,6 +89,7 @@ def recipe_of(size: int = 16, lr=1e-4, steps: int = 2000, *, smooth: bool = True
 
     Args:
         size: Edge of the volume.
+        smooth: blur it.
     """
     made.append(dict(size=size, lr=lr, steps=steps, smooth=smooth, generator=generator))
     panel = Panel([Observation("volume", Identity())], Collection(torch.zeros(2, 8, 8, 8)))
@@ -148,6 +149,7 @@ def test_recipe_help_shows_both(capsys: pytest.CaptureFixture[str]) -> None:
     text = " ".join(capsys.readouterr().out.split())
     assert "Edge of the volume." in text and "Where to compute." in text
     assert "--generator" not in text
+    assert "--no-smooth turn this off: blur it." in text and "True" not in text
     assert all(f"--{name.replace('_', '-')}" in text for name in (*Options.__annotations__, "seed"))
 
 

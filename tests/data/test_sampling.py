@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from unproject._types import UserError
 from unproject.data import batch_rows
+from unproject.data.sampling import spread_rows
 
 
 @settings(max_examples=60, deadline=None)
@@ -53,3 +54,9 @@ def test_nothing_cannot_be_sampled():
     for count, batch in ((0, 4), (4, 0)):
         with pytest.raises(UserError, match="at least one of each"):
             batch_rows(count, batch, 0, 0)
+
+
+def test_rows_are_spread_within_the_collection():
+    for count in (1, 7, 2**24 - 1, 2**24 + 4, 10**8):
+        rows = spread_rows(count, 1024)
+        assert rows[0] == 0 and rows[-1] == count - 1 and bool((rows.diff() > 0).all())

@@ -62,7 +62,12 @@ def test_parts_apart_are_no_slope() -> None:
 
 
 @pytest.mark.parametrize(
-    "empty", [torch.zeros(2, 1, 16, 16), torch.zeros(1, 1, 16, 16).index_fill(3, torch.tensor(3), 1.0)]
+    "empty",
+    [
+        torch.zeros(2, 1, 16, 16),
+        torch.zeros(1, 1, 16, 16).index_fill(3, torch.tensor(3), 1.0),
+        torch.ones(1, 1, 3, 3),  # narrower than what counts as a straight piece
+    ],
 )
 def test_silhouettes_without_outlines_show_nothing(empty: Tensor) -> None:
     assert level_share(empty) == 0

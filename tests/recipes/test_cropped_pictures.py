@@ -11,6 +11,7 @@ import pytest
 import torch
 from PIL import Image
 
+from unproject._types import UserError
 from unproject.adversarial.regularisers import Centred, Regularisers
 from unproject.assignment import JointlyPredicted
 from unproject.data import chairs
@@ -126,3 +127,9 @@ def test_cropped_objects_are_scored_at_one_size() -> None:
     assert free[name].value != sized[name].value
     assert all("all at one size" in score.protocol for score in free.values())
     assert not any("all at one size" in score.protocol for score in sized.values())
+
+
+def test_pictures_of_nothing_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "black.npz", masks=np.zeros((6, 16, 16), np.uint8))
+    with pytest.raises(UserError, match="black.npz: no picture has anything above 0.5"):
+        shapes(data=tmp_path / "black.npz", **SMALL)

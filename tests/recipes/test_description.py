@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -179,3 +181,28 @@ def test_an_operator_of_ones_own_is_described_with_its_attributes() -> None:
             return x * self.factor
 
     assert describe(Scaled(2.0)) == describe(Scaled(2.0)) != describe(Scaled(3.0))
+
+
+class Holder:
+    def __init__(self, part: Any) -> None:
+        self.part = part
+
+
+@pytest.mark.parametrize(
+    "one, other",
+    [
+        (np.ones(4), np.zeros(4)),
+        (np.ones(4), np.ones((2, 2))),
+        (np.float32(1), np.float32(2)),
+        ({1, 2}, {1, 3}),
+        (torch.float32, torch.float64),
+    ],
+    ids=str,
+)
+def test_what_an_operator_of_ones_own_may_hold(one: Any, other: Any) -> None:
+    assert text(Holder(one)) == text(Holder(copy.copy(one))) != text(Holder(other))
+
+
+def test_what_cannot_be_described_is_refused() -> None:
+    with pytest.raises(UserError, match="builtins:object cannot be written to recipe.json"):
+        describe(Holder(object()))

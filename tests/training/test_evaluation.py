@@ -150,3 +150,15 @@ def test_one_process_alone_needs_nobody() -> None:
     assert alone.average(3.0) == 3.0 and alone.agree(True) and not alone.agree(False)
     alone.barrier()
     alone.close()
+
+
+def test_a_single_picture_has_no_ceiling() -> None:
+    panel = only_panel(RECIPE)
+    with pytest.raises(UserError, match="two pictures at least"):
+        supervised_ceiling(Volumes(), panel, torch.zeros(1, dtype=torch.long), 0)
+
+
+def test_no_samples_are_none_and_fewer_are_refused(run: Run) -> None:
+    assert len(run.sample(0)) == 0
+    with pytest.raises(UserError, match="-1 samples: give 0 or more"):
+        run.sample(-1)

@@ -75,3 +75,8 @@ def test_volumes_and_small_pictures_are_refused() -> None:
         with pytest.raises(UserError, match="needs pictures of 8 pixels a side or more"):
             Matching().begin(torch.zeros(shape))
     assert not any("matching" in name for name in State(toy(), CPU).tensors())
+
+
+def test_a_single_picture_has_statistics() -> None:
+    state = Matching().begin(torch.rand(1, 3, 16, 16, generator=torch.Generator().manual_seed(0)))
+    assert state.unit.isfinite().all() and state(torch.rand(2, 3, 16, 16)).isfinite()

@@ -8,8 +8,22 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from toy import toy
 
-from unproject.training.run_directory import _commit, environment
+from unproject._types import UserError
+from unproject.adversarial.matching import Matching
+from unproject.training import resume, train
+from unproject.training.run_directory import VERDICT, _commit, environment, write_json
+from unproject.training.trainer import Trainer
+
+
+class Odd:
+    """A penalty that holds what has no description."""
+
+    every = 1
+
+    def __init__(self) -> None:
+        self.part = object()
 
 
 def test_the_processor_is_named_if_the_machine_tells_it() -> None:
@@ -34,3 +48,29 @@ def test_the_commit_is_that_of_the_package_not_of_a_repository_around_it(tmp_pat
 def test_without_git_no_commit_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     assert _commit() is None
+
+
+def test_a_recipe_that_lacks_a_part_is_another(tmp_path: Path) -> None:
+    """Such as `matching`, which is described only if given."""
+    matched = toy(views="known", steps=1).replace(matching=Matching())
+    run = train(matched, tmp_path / "run", quiet=True).path
+    with pytest.raises(UserError, match="matching differs from when the run was started"):
+        resume(run, matched.replace(matching=None), steps=2, quiet=True)
+
+
+def test_a_part_that_cannot_be_described_leaves_nothing_behind(tmp_path: Path) -> None:
+    recipe = toy(views="known", steps=1).replace(penalty=Odd())
+    with pytest.raises(UserError, match="cannot be written to recipe.json"):
+        train(recipe, tmp_path / "run", quiet=True)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_that_goes_on_has_no_verdict_of_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However it ends: here by an error at its next step."""
+    recipe = toy(views="known", steps=1)
+    run = train(recipe, tmp_path / "run", quiet=True).path
+    write_json(run / VERDICT, {"step": 1})
+    monkeypatch.setattr(Trainer, "step", lambda self: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        resume(run, recipe, steps=2, quiet=True)
+    assert not (run / VERDICT).exists()

@@ -262,7 +262,9 @@ def test_restart_begins_round_1_with_fresh_networks_and_keeps_the_assignment(tmp
         trainer = Trainer(recipe, tmp_path, recorder, state, Distribution("cpu"))
         assert assignment.before_step(TrainingContext(trainer, 0.0, 0)) and assignment.round == 0
         before, optimiser = {k: v.clone() for k, v in state.generator.state_dict().items()}, state.generator_optimiser
+        state.counters.step, state.counters.collapsed = 7, 3
         assert assignment.before_step(TrainingContext(trainer, 0.3, 0)) and assignment.round == 1
+        assert state.counters.began == 7 and state.counters.collapsed == 0  # the new networks have time to vary
         fresh = State(recipe.replace(seed=recipe.seed + 1), torch.device("cpu"))
         after = state.generator.state_dict()
         assert all(torch.equal(after[k], v) for k, v in fresh.generator.state_dict().items())

@@ -13,6 +13,7 @@ References:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -70,7 +71,7 @@ class Adaptive(Augmentation):
             raise UserError(
                 f"{self}: give a target between 0 and 1, every 1 or more, a positive rise, and 0 <= start <= most <= 1"
             )
-        if self.penalty <= 0:
+        if not 0 < self.penalty < math.inf:
             raise UserError(f"{self}: give a positive factor of the penalty")
 
     def __call__(self, images: Tensor, rng: torch.Generator) -> Tensor:
@@ -111,7 +112,7 @@ class AdaptiveState(AugmentationState):
         by = max(progress - self.moved_at.item(), 0.0) / self.settings.rise
         self.strength += by if self.overfitting > self.settings.target else -by
         self.strength.clamp_(0.0, self.settings.most)
-        self.moved_at.fill_(progress)
+        self.go_on_from(progress)
 
     def go_on_from(self, progress: float) -> None:
         self.moved_at.fill_(progress)

@@ -90,7 +90,7 @@ class MatchingState(nn.Module):
         self.settings = settings
         found = torch.cat([band_statistics(part) for part in real.split(CHUNK)])
         self.register_buffer("centre", found.mean(0))
-        self.register_buffer("unit", found.std(0).clamp_min(LEAST))
+        self.register_buffer("unit", found.std(0, correction=min(1, len(found) - 1)).clamp_min(LEAST))
         self.register_buffer("first", torch.zeros_like(self.centre))
         self.register_buffer("second", torch.zeros_like(self.centre))
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -10,6 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from .._types import UserError
 from ..ops.parts import floating_parts
 from ..ops.resampling import centres
 
@@ -37,6 +39,10 @@ class Solid:
 
     weight: float = 0.1
     final: float = 0.01
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.weight < math.inf and 0 <= self.final < math.inf):
+            raise UserError(f"{self}: give weights of 0 or more")
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
@@ -67,6 +73,9 @@ class Rectilinear:
         until: part of the budget from which on it falls.
         density: a full voxel absorbs 1 - exp(-density).
 
+    Raises:
+        UserError: for numbers that are not positive.
+
     References:
         Rosin 1999, Measuring rectangularity (by the bounding box).
 
@@ -83,6 +92,10 @@ class Rectilinear:
     until: float = 0.2
     density: float = 2.0
 
+    def __post_init__(self) -> None:
+        if not all(0 < value < math.inf for value in (self.weight, self.final, self.until, self.density)):
+            raise UserError(f"{self}: give positive numbers, or leave the term out")
+
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
         fallen = min(max(4 * (progress / self.until - 1.0), 0.0), 1.0)
@@ -95,17 +108,20 @@ class Rectilinear:
 
 @dataclass(frozen=True)
 class Connected:
-    """w E[(Σ_F p + Σ_G (1 - p)) / Σ p]: prefer shapes in one piece.
+    """w t E[(Σ_F p + Σ_G (1 - p)) / Σ p] when a part t of the budget is spent: prefer shapes in one piece.
 
     F are the voxels of parts that float, G those of small gaps (`ops.floating_parts`): what floats far from the largest
     part goes, and a part within two voxels of it, such as a broken leg, is joined to it rather than taken away. Other
     voxels are not pushed; Σ p has no gradient here.
 
     Args:
-        weight: w, all through training.
+        weight: w, which the term has at the end; early on shapes are to become what they are first.
         level: parts are connected sets of voxels above it.
         volumes: the mean is taken of so many volumes of the batch, to save time; as codes are drawn independently, its
             expectation is that of all.
+
+    Raises:
+        UserError: for a negative weight, a level outside of 0 to 1, or no volume.
 
     Examples:
         >>> import torch, unproject as up
@@ -118,6 +134,10 @@ class Connected:
     weight: float = 1.0
     level: float = 0.5
     volumes: int = 4
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.weight < math.inf and 0 < self.level < 1 and self.volumes >= 1):
+            raise UserError(f"{self}: give a weight of 0 or more, a level between 0 and 1 and at least one volume")
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
@@ -140,6 +160,9 @@ class Centred:
         weight: w.
         axes: along which place is free. Level cropped pictures tell how high objects are and stand: "xz".
 
+    Raises:
+        UserError: for a negative weight, or axes other than some of x, y and z.
+
     Examples:
         >>> import torch, unproject as up
         >>> x = torch.zeros(1, 8, 8, 8)
@@ -150,6 +173,10 @@ class Centred:
 
     weight: float = 10.0
     axes: str = "xyz"
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.weight < math.inf and self.axes and set(self.axes) <= set("xyz")):
+            raise UserError(f"{self}: give a weight of 0 or more, and some of the axes xyz")
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z), whatever is spent of the budget."""

@@ -73,13 +73,15 @@ class GaussianInitialiser:
         """Return p(k | y), (N, K), of lines (N, 1, D) for an even number K of directions around a whole turn.
 
         Raises:
-            UserError: if these are not line integrals, or the number of directions is odd.
+            UserError: if these are not line integrals, all readings are equal, or the number of directions is odd.
         """
         if items.dim() != 3 or items.shape[1] != 1 or not observations[0].projection.linear or len(observations) % 2:
             raise UserError(
                 "GaussianInitialiser: takes line integrals in directions around a turn; use another initialiser"
             )
         lines = items[:, 0].float()
+        if not lines.std() > 0:
+            raise UserError("GaussianInitialiser: all readings are equal; give lines of something")
         rows = torch.randperm(len(lines), generator=generator_at(seed, 0, "lines"))[: self.lines]
         half = len(observations) // 2
         operators = blob_projections(observations, lines.shape[1], seed)

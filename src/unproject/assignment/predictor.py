@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -55,6 +56,8 @@ class PredictorFit:
         for name in ("images", "steps", "batch"):
             if getattr(self, name) < 1:
                 raise UserError(f"PredictorFit({name}={getattr(self, name)}): must be at least 1")
+        if not 0 < self.learning_rate < math.inf:
+            raise UserError(f"PredictorFit(learning_rate={self.learning_rate}): give a positive rate")
 
     def optimiser(self, predictor: nn.Module) -> torch.optim.Adam:
         return torch.optim.Adam(predictor.parameters(), self.learning_rate, (0.5, 0.999))

@@ -52,7 +52,7 @@ def run(
         out: the folder to write.
         view: where the camera stood, degrees: azimuth and elevation of shapes (30,10), the angle from the normal and
             azimuth of materials (0,-90), the angle of lines (default: what views.csv or the .npz say, else unknown).
-        light: of photographs of materials, as for `unproject render`; needs --view.
+        light: of photographs of materials, as for `unproject render`; without --view from above.
         observation: which of the run's observations made the pictures (`top`, `flash`; default: its only ones).
         together: all pictures show one object (default: an object each; lines of one sinogram are of one image).
         scale: what readings of line integrals are divided by, as in training (`unproject data inspect` prints it).

@@ -62,4 +62,5 @@ def spread_rows(count: int, most: int) -> Tensor:
         >>> spread_rows(7, 3), spread_rows(2, 3)
         (tensor([0, 3, 6]), tensor([0, 1]))
     """
-    return torch.linspace(0, count - 1, min(count, most)).long()
+    exact = torch.float32 if count < 2**24 else torch.float64  # both round down alike below, but not everywhere
+    return torch.linspace(0, count - 1, min(count, most), dtype=exact).long()

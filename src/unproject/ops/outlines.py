@@ -37,6 +37,8 @@ def level_share(silhouettes: Tensor) -> float:
         (1.0, 0.5)
     """
     window = max(4, silhouettes.shape[-1] // 4)
+    if silhouettes.shape[-1] < window:
+        return 0.0
     level = slanted = 0
     for picture in (silhouettes[:, 0], silhouettes[:, 0].flip(1)):
         height, covered = _upper_outline(picture)

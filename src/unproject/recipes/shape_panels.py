@@ -88,6 +88,8 @@ def pictures_of(
     if collection.shape[0] != 1 or is_rendered(collection):
         return collection, observations
     some = some_of(collection)
+    if not bool((some > 0.5).any()):
+        raise UserError(f"{collection.source}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
     by_reader = data is not None and Path(data).is_dir()
     if not by_reader and common_fill(some) is None:
         return collection, observations

@@ -134,8 +134,8 @@ class Explanation:
         if asked.novelty:
             self._now("comparing it with the pictures of training")
             novelty = state.kept(("novelty", *key), lambda: _novelty(means), 2)
-            p = novelty.p_values(pictures)
-            self.p, self.why = p.min().item(), doubts(run, fit, p)
+            p = None if novelty is None else novelty.p_values(pictures)
+            self.p, self.why = None if p is None else p.min().item(), doubts(run, fit, p)
 
     def _watch(self, done: float, x: Tensor, projected: Tensor) -> None:
         self.done, self.x, self.projected = done, x, projected
@@ -147,7 +147,7 @@ class Explanation:
             raise Stopped
 
 
-def _novelty(means: Means) -> Novelty:
+def _novelty(means: Means) -> Novelty | None:
     return novelty_of(means.state, means.fitter.viewing)
 
 

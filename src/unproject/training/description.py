@@ -11,9 +11,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from .._types import UserError
 from ..data import Collection
 from ..data.lazy import Lazy
 from ..data.sampling import spread_rows
@@ -23,7 +25,11 @@ LARGE, SOME = 2**28, 1024
 
 
 def describe(value: Any) -> Any:
-    """Return a JSON description of a recipe or of any part of one."""
+    """Return a JSON description of a recipe or of any part of one.
+
+    Raises:
+        UserError: if a part is of a type that has none.
+    """
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, float):
@@ -35,6 +41,14 @@ def describe(value: Any) -> Any:
         return {"collection": [len(value), *value.shape], "sha256": fingerprint(value.stored)}
     if isinstance(value, Tensor):
         return {"tensor": list(value.shape), "sha256": fingerprint(value)}
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+        return {"array": list(value.shape), "sha256": fingerprint(torch.from_numpy(value.copy()))}
+    if isinstance(value, np.generic):
+        return describe(value.item())
+    if isinstance(value, (torch.dtype, torch.device)):
+        return str(value)
+    if isinstance(value, (set, frozenset)):
+        return sorted(map(describe, value), key=repr)
     if isinstance(value, partial):
         return _call(value.func, value.keywords, value.args)
     if is_dataclass(value) and not isinstance(value, type):
@@ -46,6 +60,8 @@ def describe(value: Any) -> Any:
         return [describe(part) for part in value]
     if inspect.isroutine(value) or isinstance(value, type):
         return _call(value, {}, ())
+    if not hasattr(value, "__dict__"):
+        raise UserError(f"a {full_name(type(value))} cannot be written to recipe.json; hold numbers, tensors or tuples")
     return {"type": full_name(type(value)), **describe(vars(value))}
 
 

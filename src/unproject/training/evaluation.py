@@ -121,8 +121,13 @@ def supervised_ceiling(
 
     Args:
         rows: the images that it is measured on, in order (default: all).
+
+    Raises:
+        UserError: for a single image.
     """
     fit, rows = PredictorFit(steps=steps), torch.arange(len(true)) if rows is None else rows
+    if len(rows) < 2:
+        raise UserError("the ceiling needs two pictures at least, one to learn from and one to predict")
     folds = (rows[: len(rows) // 2], rows[len(rows) // 2 :])
     predicted = torch.empty_like(true)
     for fold, (test, train) in enumerate(zip(folds, folds[::-1], strict=True)):

@@ -42,8 +42,10 @@ def viewing_of(state: AssignmentState, observation: str | None = None) -> Viewin
     return Viewing.of(observations, state.learned.draw if state.learned is not None else None)
 
 
-def novelty_of(state: AssignmentState, viewing: Viewing, seed: int = 0) -> Novelty:
+def novelty_of(state: AssignmentState, viewing: Viewing, seed: int = 0) -> Novelty | None:
     """Return what compares pictures with those that a panel was trained on; by held-out ones if there are.
+
+    None if it was trained on a single one.
 
     Args:
         viewing: its projection prepares the pictures.
@@ -51,6 +53,8 @@ def novelty_of(state: AssignmentState, viewing: Viewing, seed: int = 0) -> Novel
     panel, rng = state.panel, generator_at(seed, 0, "compared pictures")
     rows = torch.randperm(len(panel), generator=rng)[:COMPARED]
     count = max(1, len(rows) // 10)
+    if panel.held_out is None and len(panel) < 2:
+        return None
     if panel.held_out is None:
         held_out, pictures = panel.batch(rows[:count]), panel.batch(rows[count:])
     else:

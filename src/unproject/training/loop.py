@@ -41,7 +41,8 @@ def train(
         log: "tensorboard" keeps the log as an event file of TensorBoard too, in OUT/tensorboard.
 
     Raises:
-        UserError: if `out` holds a run already, training diverges twice, or the generator of `start` is another.
+        UserError: if `out` holds a run already, the generator of `start` is another, or training diverges twice, or
+            before its first checkpoint.
         OSError: if the disk is full; checkpoints already written stay good.
 
     Examples:
@@ -63,13 +64,14 @@ def train(
     run_directory.check_free(out)
     state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
     began = None if start is None else start_from(state, Path(start))
+    content = run_directory.content_of(recipe, began)
     distribution.barrier()
     if distribution.leads:
         out.mkdir(parents=True, exist_ok=True)
     with run_directory.locked(out, distribution.leads):
         if distribution.leads:
             run_directory.check_free(out)  # another process may have made a run there meanwhile
-            run_directory.create(out, recipe, began)
+            run_directory.create(out, content)
             if log is not None:
                 (out / event_file.FOLDER).mkdir(exist_ok=True)
         if began is not None and distribution.leads:
@@ -136,6 +138,8 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
     with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
         going = True
+        if distribution.leads:
+            (out / run_directory.VERDICT).unlink(missing_ok=True)  # it is of fewer steps, or made again
         while going:
             try:
                 going = trainer.progress() < 1 and not trainer.stopping()
@@ -152,7 +156,5 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
                 roll_back(trainer, trouble)
                 going = True
         complete = trainer.progress() >= 1
-    if distribution.leads:
-        (out / run_directory.VERDICT).unlink(missing_ok=True)  # it was the verdict on fewer steps
     distribution.close()
     return Run(out, state.sampler(), state.counters.step, state.domain, complete, recipe)

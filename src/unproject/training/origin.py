@@ -86,10 +86,7 @@ def split(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[dict
 
 def origin_of(name: str, function: str, arguments: dict[str, Any]) -> Origin:
     """Return what recipe.json stores of a call: paths become absolute, so that a run resumes from any folder."""
-    stored = {
-        key: {"path": str(value.absolute())} if isinstance(value, Path) else value for key, value in arguments.items()
-    }
-    return Origin(_absolute(name), _absolute(function), stored)
+    return Origin(_absolute(name), _absolute(function), {key: _stored(value) for key, value in arguments.items()})
 
 
 def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recipe:
@@ -140,7 +137,13 @@ def _storable(value: Any) -> bool:
     )
 
 
+def _stored(value: Any) -> Any:
+    if isinstance(value, (tuple, list)):
+        return type(value)(map(_stored, value))
+    return {"path": str(value.absolute())} if isinstance(value, Path) else value
+
+
 def _restored(value: Any) -> Any:
     if isinstance(value, dict) and set(value) == {"path"} and isinstance(value["path"], str):
         return Path(value["path"])
-    return tuple(value) if isinstance(value, list) else value
+    return tuple(map(_restored, value)) if isinstance(value, list) else value

@@ -14,7 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from .._files import atomic_path
+from .._files import atomic_path, understood
 from .event_file import FOLDER, EventFile
 from .run_directory import naming
 
@@ -107,4 +107,5 @@ class Recorder:
 
 
 def _lines(file: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    with understood(file, "remove the damaged lines"):
+        return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]

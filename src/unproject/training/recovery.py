@@ -18,6 +18,6 @@ def roll_back(trainer: Trainer, trouble: Diverged) -> None:
     at, seconds = counters.step, counters.seconds
     trainer.state.load(checkpoint.load(checkpoints[-1]))
     counters.rollbacks, counters.rate_scale, counters.collapsed = 1, counters.rate_scale / 2, 0
-    trainer.began = time.monotonic() - seconds
+    trainer.began, trainer.saved_at = time.monotonic() - seconds, None
     trainer.recorder.say(f"{trouble}; rolling back to step {counters.step} with half the learning rate")
     trainer.recorder.write(counters.step, seconds, event="rollback", at=at, reason=str(trouble))

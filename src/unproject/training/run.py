@@ -85,8 +85,10 @@ class Run:
                 (`Generator.at_size`): of shapes finer ones, of materials larger ones.
 
         Raises:
-            UserError: for a size that the generator cannot make, or that takes more memory than there is.
+            UserError: for a negative n, a size that the generator cannot make, or what takes more memory than there is.
         """
+        if n < 0:
+            raise UserError(f"{n} samples: give 0 or more")
         if size is not None:
             _require_memory_of(n, size, self.domain.name)
         self._require_memory(n)

@@ -54,14 +54,22 @@ def check_free(path: Path) -> None:
         raise UserError(f"{path}: is a file; choose another --out")
 
 
-def create(path: Path, recipe: Recipe, start: dict[str, Any] | None = None) -> None:
-    """Lay out a new run directory; `start` says which run it begins with."""
+def content_of(recipe: Recipe, start: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return what recipe.json holds; `start` says which run it begins with.
+
+    Raises:
+        UserError: if a part of the recipe cannot be described.
+    """
+    given = {} if start is None else {"start": start}
+    return {**asdict(recipe.origin or Origin("", "", {})), **given, "resolved": describe(recipe)}
+
+
+def create(path: Path, content: dict[str, Any]) -> None:
+    """Lay out a new run directory; recipe.json, which makes a run of it, comes last."""
     for folder in ("checkpoints", "samples"):
         (path / folder).mkdir(parents=True, exist_ok=True)
-    origin = recipe.origin or Origin("", "", {})
     write_json(path / "environment.json", environment())
-    given = {} if start is None else {"start": start}
-    write_json(path / "recipe.json", {**asdict(origin), **given, "resolved": describe(recipe)})
+    write_json(path / "recipe.json", content)
 
 
 @contextmanager
@@ -154,8 +162,8 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
 def check_same(path: Path, recipe: Recipe) -> None:
     """Raise UserError, naming the field, unless `recipe` is the one the run was started with (budget aside)."""
     before, now = read_recipe(path)["resolved"], json.loads(json.dumps(describe(recipe)))
-    for name in now:
-        if name not in HARMLESS and before.get(name) != now[name]:
+    for name in before | now:
+        if name not in HARMLESS and before.get(name) != now.get(name):
             raise UserError(
                 f"{path}: {name} differs from when the run was started; resume with the same recipe and data, "
                 "or start a new run"

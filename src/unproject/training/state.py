@@ -37,7 +37,7 @@ class Counters:
     `rollbacks` counts returns to a checkpoint, `collapsed` the checks in a row that found all samples alike, `lines`
     the lines of stats.jsonl; `rate_scale` is a factor of all learning rates. `tried` counts the tries that have ended,
     `best_merit` is the merit of the best of them and `best_start` its number; the present state began as the try of
-    number `start`, at the step `began`.
+    number `start`, its networks at the step `began`.
     """
 
     step: int = 0
@@ -133,6 +133,7 @@ class State:
             self._build_networks(self.recipe)
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
+        self.counters.began, self.counters.collapsed = self.counters.step, 0
 
     def keep(self, merit: float) -> None:
         """Keep the state as it is now, but for the counters."""

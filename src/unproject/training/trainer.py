@@ -107,6 +107,7 @@ class Trainer:
         """Return to the start of the step that was interrupted."""
         assert self.before is not None
         self.state.load(self.before)
+        self.saved_at = None
 
     def _codes(self, draw: int) -> Tensor:
         rng = generator_at(self.recipe.seed, draw, "codes/0")
