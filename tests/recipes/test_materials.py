@@ -149,6 +149,14 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         wood_materials(data=tmp_path, observations=("normal", "top"), **TOY)
 
 
+def test_all_photographs_are_used_unless_a_number_is_given(tmp_path: Path) -> None:
+    (tmp_path / "flash").mkdir()
+    for k in range(260):
+        Image.new("RGB", (16, 16), (k % 256, 90, 60)).save(tmp_path / "flash" / f"{k}.png")
+    assert [len(panel) for panel in wood_materials(data=tmp_path, **TOY).panels] == [260]
+    assert [len(panel) for panel in wood_materials(data=tmp_path, renderings=7, **TOY).panels] == [7]
+
+
 def test_patches_of_a_few_large_materials(tmp_path: Path) -> None:
     large = {name: part.numpy() for name, part in zip(MAPS, wood(2, 64, 0).split([3, 1, 1, 3], 1), strict=True)}
     np.savez(tmp_path / "few.npz", **large)  # pyright: ignore[reportArgumentType]

@@ -49,6 +49,15 @@ from .material_panels import (
 
 PENALTY_SCALE = 20.0
 NATURAL_LIGHT_WEIGHT = 0.5
+ALL = 2**31
+"""More pictures than any folder has."""
+
+
+def counted(given: int | None, made: int, photographed: bool) -> int:
+    """Return how many images of a kind there are to be: those given, else all photographs, or so many that are made."""
+    if given is not None:
+        return given
+    return ALL if photographed else made
 
 
 def materials(
@@ -57,8 +66,8 @@ def materials(
     data: Path | None = None,
     views: Views = "known",
     observations: tuple[str, ...] | None = None,
-    maps: int = 500,
-    renderings: int = 250,
+    maps: int | None = None,
+    renderings: int | None = None,
     probes: Path | None = None,
     size: int = 64,
     samples: int = 8,
@@ -84,8 +93,10 @@ def materials(
             all).
         observations: which to use, by name (default: those that `data` has sub-folders for; else the four maps, flash,
             coloured and ambient).
-        maps: samples of each map, at most as many as `data` has.
-        renderings: pictures of each kind of photograph, at most as many as `data` has.
+        maps: samples of each map, at most as many as `data` has (default: all pictures of a folder that has
+            sub-folders for observations, else 500).
+        renderings: pictures of each kind of photograph, at most as many as `data` has (default: all of such a folder,
+            else 250).
         probes: natural light: a folder, an .npz or one file (default: five procedural probes).
         size: pixels a side.
         samples: Monte Carlo samples a pixel, where light is not directional.
@@ -108,13 +119,15 @@ def materials(
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
     source = source_of(procedural, data, size, seed)
     source = with_mirror_images(source) if flips else source
-    natural = natural_light_weight if are_photographs(data) else photograph_weight
+    photographed = are_photographs(data)
+    counts = (counted(maps, 500, photographed), counted(renderings, 250, photographed))
+    natural = natural_light_weight if photographed else photograph_weight
     weights = Weights(photograph_weight, natural, penalty_scale)
     light = Light(probes, samples)
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels),
         discriminator=partial(TextureDiscriminator, channels=discriminator_channels, group=options.get("batch")),
-        panels=panels_of(source, views, observations or observations_of(data), (maps, renderings), light, weights),
+        panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
         matching=Matching(matching, matching / 4) if matching else None,
