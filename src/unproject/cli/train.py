@@ -96,7 +96,7 @@ def _estimate(recipe: Recipe, device: str) -> None:
     """
     import torch
 
-    from ..training.estimate import estimate, require_memory
+    from ..training.estimate import estimate, require_memory_to_train
     from ._machine import say
 
     cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
@@ -104,6 +104,6 @@ def _estimate(recipe: Recipe, device: str) -> None:
     found = estimate(recipe, place)
     taken = recipe.origin.arguments if recipe.origin else {}
     flags = [f"--{name}" for name in ("size", "batch", "channels") if name in taken or name == "batch"]
-    require_memory(found.memory, "a training step", f"lower {' or '.join(flags)}", place)
+    require_memory_to_train(found.memory, "a training step takes", f"lower {' or '.join(flags)}", place)
     if found.seconds > LONG:
         say(str(found))

@@ -19,7 +19,7 @@ from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections import Identity, Observation, Rendering, Selection, rendering_prior, standardised
 from ..projections.rendering import Lighting
-from ..training.estimate import require_memory
+from ..training.estimate import require_memory_to_train
 
 Materials = Callable[[int, int, int], Tensor]
 """(count, size, seed) → maps (count, 8, size, size) of a procedural data set."""
@@ -71,7 +71,8 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int) ->
     def images(observation: Observation, count: int) -> Tensor:
         own = derived_seed(seed, 0, f"materials/{observation.name}")
         if found is None:
-            require_memory(64 * count * size**2, f"making {count} materials", "lower --size or --maps, or give --data")
+            made = f"making {count} materials takes"
+            require_memory_to_train(64 * count * size**2, made, "lower --size or --maps, or give --data")
             x = procedural(count, size, own)
         elif found.shape[-1] == size:
             x = _first(found, count, own)

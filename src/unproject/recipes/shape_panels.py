@@ -25,7 +25,7 @@ from ..projections.cropped import Cropped
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training import Adam
-from ..training.estimate import require_memory
+from ..training.estimate import require_memory_to_train
 from .pairing import Views, panel_of
 
 PROCEDURAL_CHAIRS = 1000
@@ -162,8 +162,8 @@ def silhouettes_of(
 def read_or_make(data: Path | None, size: int) -> Collection:
     """Read the collection of a path; without one, make procedural chairs."""
     if data is None:
-        made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels"
-        require_memory(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
+        made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels takes"
+        require_memory_to_train(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
         return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
     found = read(data, size=size)
     if len(found.shape) != 3:

@@ -59,7 +59,7 @@ class Estimate:
 
 @contextmanager
 def unchecked() -> Iterator[None]:
-    """Let `require_memory` refuse nothing."""
+    """Let `require_memory_to_train` refuse nothing: --force."""
     token = _checked.set(False)
     try:
         yield
@@ -83,17 +83,21 @@ def require_memory(need: int, what: str, instead: str, device: torch.device | No
 
     Args:
         need: bytes.
-        what: needs them.
+        what: takes them, with its verb.
         instead: what to do then.
 
     Raises:
-        UserError: if less is available, outside of `unchecked`.
+        UserError: if less is available.
     """
     there = available_memory(device or torch.device("cpu"))
-    if _checked.get() and there is not None and need > there:
-        raise UserError(
-            f"{what} takes about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available; {instead}, or add --force"
-        )
+    if there is not None and need > there:
+        raise UserError(f"{what} about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available; {instead}")
+
+
+def require_memory_to_train(need: int, what: str, instead: str, device: torch.device | None = None) -> None:
+    """Refuse the same, but not under `unchecked`."""
+    if _checked.get():
+        require_memory(need, what, f"{instead}, or add --force", device)
 
 
 def estimate(recipe: Recipe, device: torch.device) -> Estimate:

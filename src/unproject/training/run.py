@@ -25,7 +25,7 @@ from ..metrics import Score
 from ..networks import Generator
 from ..networks.generators import FINE_VOXELS
 from . import checkpoint
-from .estimate import GIB, available_memory
+from .estimate import require_memory
 from .evaluation import estimated_view_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
 from .origin import rebuild
@@ -98,10 +98,7 @@ class Run:
     def _require_memory(self, n: int) -> None:
         """Refuse as many samples as do not fit: twice, while they are put together."""
         if n > MANY:
-            need, there = 8 * n * self.generator.sample(1).numel(), available_memory(torch.device("cpu"))
-            if there is not None and need > there:
-                takes = f"take about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available"
-                raise UserError(f"{n} samples {takes}; lower n")
+            require_memory(8 * n * self.generator.sample(1).numel(), f"{n} samples take", "lower n")
 
     def stats(self) -> list[dict[str, Any]]:
         """Return the lines of the log: `step`, `seconds`, losses and events."""
@@ -258,10 +255,7 @@ def _require_memory_of(n: int, size: int, domain: str) -> None:
     need, what = 4 * (2 * n * size**3 + 8 * max(FINE_VOXELS, size**3)), "³ voxels"
     if domain != "volume":
         need, what = (4 * 2 * n * 8 + TEXEL_BYTES) * size**2, "² texels"
-    there = available_memory(torch.device("cpu"))
-    if there is not None and need > there:
-        takes = f"take about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available"
-        raise UserError(f"{n} samples of {size}{what} {takes}; lower n or size")
+    require_memory(need, f"{n} samples of {size}{what} take", "lower n or size")
 
 
 def is_foreign(path: Path) -> bool:
