@@ -316,6 +316,35 @@ def test_an_example_of_the_users_is_used() -> None:
     assert set(seen) == {(3, 5, 2)}
 
 
+def test_an_example_of_one_tells_what_is_mixed_with_the_batch() -> None:
+    class Mean(Projection):
+        def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
+            return x.sum(3) / x.mean()
+
+    with pytest.raises(LawError, match="batched"):
+        check_projection(Mean(), example=torch.rand(1, 4, 4, 4))
+
+
+class Thrice(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:
+        return 1e-5 * x
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return 3e-5 * gradient
+
+
+def test_gradients_of_small_values_are_compared_too() -> None:
+    class Faint(Projection):
+        def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
+            y: Tensor = Thrice.apply(x)  # pyright: ignore[reportAssignmentType]
+            return y.sum(3)
+
+    with pytest.raises(LawError, match="differentiable"):
+        check_projection(Faint())
+
+
 # Mutants of priors
 
 
@@ -353,6 +382,11 @@ class Narrow(Uniform):
         return latents[self.name] < 0.5
 
 
+class Whole(Uniform):
+    def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+        return torch.tensor(True)
+
+
 PRIOR_MUTANTS = [
     (Misnamed, "names"),
     (Column, "shape"),
@@ -360,6 +394,7 @@ PRIOR_MUTANTS = [
     (Infinite, "finite"),
     (Global, "deterministic"),
     (Narrow, "support"),
+    (Whole, "support"),
 ]
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from unproject._pictures import read_stored, write_picture
+from unproject._pictures import _silenced, read_stored, write_picture
 from unproject._types import UserError
 
 PIXELS = np.random.default_rng(0).random((33, 20, 3)).astype(np.float32)
@@ -53,3 +54,15 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_stored(tmp_path / "a.exr")
     with pytest.raises(UserError, match="give a name"):
         write_picture(tmp_path / "a.txt", PIXELS, "float")
+
+
+def test_threads_that_silence_stderr_give_it_back() -> None:
+    """The first that comes turns it off, the last that leaves on, in any order."""
+    before, one, two = os.readlink("/proc/self/fd/2"), _silenced(), _silenced()
+    one.__enter__()
+    two.__enter__()
+    assert os.readlink("/proc/self/fd/2") == os.devnull
+    one.__exit__(None, None, None)
+    assert os.readlink("/proc/self/fd/2") == os.devnull
+    two.__exit__(None, None, None)
+    assert os.readlink("/proc/self/fd/2") == before

@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -117,13 +118,47 @@ def read_json(path: Path, fix: str) -> Any:
 
 
 def paths_below(folder: Path) -> list[Path]:
-    """Return all files and folders below a folder, sorted.
+    """Return all files and folders below a folder, sorted; linked folders once, and not those they lie in.
 
     Raises:
         OSError: if a folder may not be read, which `Path.rglob` takes for an empty one.
     """
+    seen = {os.path.realpath(folder)}
+
+    def new(top: str, name: str) -> bool:
+        where = os.path.realpath(os.path.join(top, name))
+        return where not in seen and not seen.add(where)
 
     def refuse(error: OSError) -> None:
         raise error
 
-    return sorted(Path(top, name) for top, *names in os.walk(folder, onerror=refuse) for part in names for name in part)
+    found = []
+    for top, folders, files in os.walk(folder, onerror=refuse, followlinks=True):
+        folders[:] = [name for name in sorted(folders) if new(top, name)]
+        found += [Path(top, name) for name in (*folders, *files)]
+    return sorted(found)
+
+
+@contextmanager
+def filled_folder(final: Path) -> Iterator[Path]:
+    """A hidden folder to fill on the same disk, whose content then moves to `final`; an error removes it."""
+    final = final.absolute()
+    exists = final.exists()
+    staging = (final if exists else final.parent) / f".{final.name}.{secrets.token_hex(4)}.tmp"
+    staging.mkdir(parents=True)
+    try:
+        yield staging
+        if exists:
+            for file in files_below(staging):
+                (final / file).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(staging / file, final / file)
+        else:
+            os.replace(staging, final)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def files_below(folder: Path) -> list[Path]:
+    """Files below a folder, relative to it, in order; a folder's note after its pictures."""
+    found = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+    return sorted(found, key=lambda file: (file.parent, file.suffix == ".json", file.name))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -80,17 +81,35 @@ def _check_size(name: str, width: int, height: int, channels: int) -> None:
     check_unpacked(name, 4 * width * height * channels)
 
 
+_silence = threading.Lock()
+_silent: list[int] = []
+"""The descriptor that stderr had, once for each thread that is in `_silenced`."""
+
+
 @contextmanager
 def _silenced() -> Iterator[None]:
-    """Keep the libraries that decode pictures from writing to stderr: what is wrong is said once, by us."""
-    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    """Keep the libraries that decode pictures from writing to stderr: what is wrong is said once, by us.
+
+    stderr is the process's: the first thread that comes turns it off, the last that leaves turns it on again.
+    """
+    with _silence:
+        _silent.append(_silent[0] if _silent else _turned_off(2))
     try:
-        os.dup2(nowhere, 2)
         yield
     finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
-        os.close(nowhere)
+        with _silence:
+            stderr = _silent.pop()
+            if not _silent:
+                os.dup2(stderr, 2)
+                os.close(stderr)
+
+
+def _turned_off(descriptor: int) -> int:
+    """Let a descriptor write nowhere; return one that writes where it did."""
+    kept, nowhere = os.dup(descriptor), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+    return kept
 
 
 def _decoded(name: str) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from PIL import Image
 from unproject.cli import main
 from unproject.data import cars, chairs
 from unproject.projections import Silhouette
+from unproject.training.fitted_pictures import view_of
 
 QUICK = ["--candidates", "8", "--starts", "2", "--steps", "3", "--tune", "2", "--threads", "1"]
 
@@ -195,3 +198,17 @@ def test_a_material_behind_a_photograph(tmp_path: Path) -> None:
     assert list((out / "plank" / "textures").rglob("*.png"))
     with np.load(out / "fit.npz") as arrays:
         assert arrays["diffuse"].shape == (1, 3, 16, 16)
+
+
+def test_names_with_a_number_sign_are_objects_of_their_own(shapes: Path, masks: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "set #2"
+    shutil.copytree(masks, folder)
+    (folder / "chair0.png").rename(folder / "chair1#1.png")
+    assert fit(shapes, folder, "--out", tmp_path / "fits", "--no-novelty") == 0
+    assert sorted(entry["name"] for entry in entries(tmp_path / "fits")) == ["chair1", "chair1#1", "chair2"]
+
+
+def test_angles_are_degrees_and_draws_are_no_views() -> None:
+    theta = {"view": torch.full((1, 1), math.pi), "perspective": torch.full((1, 1), 0.25), "jitter": torch.ones(1, 1)}
+    found = SimpleNamespace(theta=theta)
+    assert view_of(found, 0, 0) == {"view": 180.0, "perspective": 0.2}  # pyright: ignore[reportArgumentType]

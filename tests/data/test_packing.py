@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -159,3 +160,10 @@ def test_what_cannot_be_packed(masks: Path, change: object, how: How, message: s
 def test_a_pack_is_an_npz(masks: Path) -> None:
     with pytest.raises(UserError, match=r"p\.npy: a pack is an \.npz"):
         pack(masks, masks.parent / "p.npy", How(16))
+
+
+def test_names_that_are_no_text_and_names_with_brackets(masks: Path) -> None:
+    (masks / "00.png").rename(masks / os.fsdecode(b"\xff.png"))
+    out = masks.parent / "p[1].npz"
+    assert pack(masks, out, How(16)).count == COUNT - 1
+    assert [file.name for file in masks.parent.iterdir() if file.name.startswith(".")] == []

@@ -69,3 +69,10 @@ def test_a_share_is_a_part(share: float) -> None:
 def test_of_one_shape_nothing_can_be_held_out() -> None:
     with pytest.raises(UserError, match="memory: shows a single shape"):
         numbered(4, [f"chair#{k}" for k in range(4)]).split()
+
+
+def test_mirror_images_of_single_pictures_are_not_held_out_alone() -> None:
+    train, out = with_flips(numbered(40, [f"{i:05d}" for i in range(40)])).split(0.1)
+    assert len(out) and not {n.removesuffix(" flipped") for n in train.names} & {
+        n.removesuffix(" flipped") for n in out.names
+    }

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from unproject.data import cars, chairs, observe
 from unproject.domains import Images, Maps, Volumes
-from unproject.domains.evidence import Evidence, nearest
+from unproject.domains.evidence import Evidence, label_finding, nearest
 from unproject.ops import rotate_y
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 
@@ -110,3 +110,15 @@ def test_pieces_and_empty_shapes_are_named() -> None:
     broken[:9, 9:12, 2:12, 2:12] = 1
     assert Volumes().findings(broken)[0].word == "failed" and "10%" in Volumes().findings(broken)[0].says
     assert Volumes().findings(torch.zeros_like(shapes))[1].word == "failed"
+
+
+def test_views_that_are_nearly_all_one_are_compared_with_others_alone(honest: Evidence) -> None:
+    """Right labels are good, however few pictures show another view."""
+    assert honest.real_views is not None
+    rows = torch.cat(
+        [(honest.real_views == 0).nonzero()[:, 0].repeat(4)[:117], (honest.real_views == 1).nonzero()[:11, 0]]
+    )
+    seen = replace(honest, real=honest.real[rows], real_views=honest.real_views[rows])
+    distance = torch.where(seen.views[None] == honest.real_views[rows][:, None], 0.3, 0.6)
+    (finding,) = label_finding(distance, seen, 0)
+    assert finding.score.value == pytest.approx(0.5)

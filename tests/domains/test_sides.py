@@ -14,6 +14,7 @@ from unproject.ops import rotate_y
 from unproject.projections.base import Projection
 from unproject.projections.line_integral import directions
 from unproject.projections.observation import Observation
+from unproject.projections.priors import Product, Uniform
 from unproject.projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 
 BINS = 12
@@ -69,3 +70,8 @@ def test_nothing_is_said_of_projections_without_azimuth() -> None:
     assert side_findings(views, torch.full((4,), 0.25), known=True) == []
     assert Images().side_findings(views, torch.full((4,), 0.25), known=True) == []
     assert Observation  # every observation has a prior with names
+
+
+def test_a_rolled_camera_from_behind_is_rolled_the_other_way() -> None:
+    prior = Product(Uniform("azimuth", 0, 0.4), Uniform("elevation", 0, 0), Uniform("roll", -0.3, 0.3))
+    assert opposite_sides_agree(Observation("rolled", Silhouette(size=16), prior))

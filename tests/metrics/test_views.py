@@ -164,3 +164,11 @@ def test_directions_of_half_a_turn_are_relabelled_with_what_they_see_from_behind
         assert found.gauge.bins == 10
     assert "5 directions of half a turn" in view_scores(found)["view_exact"].protocol
     assert 0.2 < found.chance_exact < 0.5
+
+
+def test_chance_breaks_ties_as_the_accuracy_does():
+    rng = torch.Generator().manual_seed(0)
+    pairs = [(torch.randint(16, (12,), generator=rng), torch.randint(16, (12,), generator=rng)) for _ in range(300)]
+    found = [view_accuracy(a, b, bins=16, trials=1).within_one for a, b in pairs]
+    chance = [chance_level(a.bincount(minlength=16), b.bincount(minlength=16), trials=20)[1] for a, b in pairs]
+    assert sum(found) / 300 == pytest.approx(sum(chance) / 300, abs=0.012)

@@ -400,3 +400,8 @@ def test_fog_is_as_opaque_at_every_size() -> None:
     coarse, fine = generator.sample(4, seed=1), generator.sample(4, seed=1, size=32)
     assert coarse.mean() > 0.1
     torch.testing.assert_close(fine.mean(), coarse.mean(), rtol=0.1, atol=0)
+
+
+@pytest.mark.parametrize("make", [VoxelGenerator, ImageGenerator])
+def test_few_channels_are_enough(make: type[Generator]) -> None:
+    assert make(size=16, channels=3).sample(2).shape[0] == 2  # pyright: ignore[reportCallIssue]

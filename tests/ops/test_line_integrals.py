@@ -126,3 +126,12 @@ def test_all_that_falls_on_wide_enough_detectors_is_measured(integrals):  # type
     image = torch.nn.functional.pad(image, (2, 2, 2, 2))  # its corners within the detectors at any angle
     y = integrals(image, ANGLES, 12)
     torch.testing.assert_close(y.mean(2), image.mean((2, 3)), rtol=0, atol=1e-12)
+
+
+@ALL
+def test_an_angle_that_is_none_gives_no_value_and_harms_no_other(integrals):  # type: ignore[no-untyped-def]
+    """A wild place in memory, if it went unnoticed."""
+    image = torch.rand(3, 2, 16, 16, requires_grad=True)
+    angle = torch.tensor([0.3, math.nan, 0.3])
+    y = integrals(image, angle, 16)
+    assert y[1].isnan().all() and y[0].isfinite().all() and y[2].isfinite().all()

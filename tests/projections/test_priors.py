@@ -229,3 +229,9 @@ def test_every_row_is_drawn_from_its_own_prior() -> None:
     drawn = sample_each(priors, which, generator_at(0))
     assert set(drawn) == {"a", "b"} and torch.equal(drawn["b"], -which.float())
     assert torch.equal(drawn["a"].floor(), which.float()) and len(drawn["a"].unique()) == len(which)
+
+
+@pytest.mark.parametrize("edge", [k * math.pi / 10 for k in range(20)])
+def test_a_single_angle_contains_itself_in_single_precision(edge: float) -> None:
+    prior = Uniform("angle", edge, edge, period=math.pi)
+    assert bool(prior.contains(prior.sample(8, torch.Generator())).all())

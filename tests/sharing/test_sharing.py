@@ -162,3 +162,25 @@ def test_the_run_that_comes_with_the_package_is_small_and_good(tmp_path: Path) -
     x = up.from_pretrained("chairs").sample(4, largest_part=True)
     assert not up.Volumes().empty(x).any()
     assert x.equal(up.load(put).sample(4, largest_part=True))
+
+
+def test_relative_paths_of_the_command_are_not_shared(run: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "run"
+    shutil.copytree(run, moved)
+    environment = json.loads((moved / "environment.json").read_text())
+    command = ["unproject", "train", "shapes", "--data", "../clients/acme/masks", "--probes=~/secret/lamps.hdr"]
+    (moved / "environment.json").write_text(json.dumps({**environment, "command": command}))
+    shared = save_pretrained(moved, tmp_path / "shared")
+    written = "".join(file.read_text() for file in (shared / "environment.json", shared / "README.md"))
+    assert "masks" in written and "--probes=lamps.hdr" in written
+    assert not any(word in written for word in ("acme", "clients", "secret"))
+
+
+def test_a_run_that_cannot_be_shared_whole_is_not_shared(run: Path, tmp_path: Path, capsys: Any) -> None:
+    moved = tmp_path / "run"
+    shutil.copytree(run, moved)
+    (moved / "environment.json").write_text("{")
+    assert main(["share", str(moved), "--out", str(tmp_path / "shared")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("unproject: ") and "environment.json" in error and error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]

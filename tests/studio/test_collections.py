@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from unproject.cli import main
 from unproject.data.readers.views import read_views
+from unproject.studio.collections import Sorted, _others, _table
 from unproject.studio.state import State
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
@@ -95,3 +97,13 @@ def test_pictures_that_were_skipped_are_named(tmp_path: Path, said: Said) -> Non
     assert main(words) == 0
     _, found = said(State(tmp_path / "runs", trust=True), "/api/collection", run="toy")
     assert found["skipped"] == [["bad.png", "unreadable: no picture of a known format"]]
+
+
+def test_the_table_has_no_mirror_images_and_keeps_other_panels(tmp_path: Path) -> None:
+    chosen = Sorted.__new__(Sorted)
+    object.__setattr__(chosen, "names", ("a.png", "a.png flipped", "b.png"))
+    angles = [{"azimuth": 0.0}, {"azimuth": 90.0}]
+    table = _table(chosen, torch.tensor([1, 0, 0]), angles)
+    assert table == "file,azimuth\na.png,90\nb.png,0\n"
+    (tmp_path / "views.csv").write_text("file,azimuth\na.png,0\nother.png,45\n")
+    assert _others(tmp_path / "views.csv", chosen) == "other.png,45\n"

@@ -12,6 +12,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from unproject.cli import main
 from unproject.domains import Images
 from unproject.networks import Generator, ImageGenerator
 from unproject.studio.answers import Request
@@ -19,6 +20,8 @@ from unproject.studio.explore import file_name
 from unproject.studio.space import DIRECTIONS, PICKS, Space, slerp
 from unproject.studio.state import State
 from unproject.training import Run, checkpoint
+
+TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
 
@@ -146,3 +149,16 @@ NAMED = {
 @pytest.mark.parametrize("name, query", NAMED.items(), ids=list(NAMED))
 def test_files_are_named_by_the_sample_as_export_counts_them(name: str, query: dict[str, object]) -> None:
     assert file_name(Request({"run": "folder/toy", **{k: str(v) for k, v in query.items()}})) == name
+
+
+def test_a_run_that_was_made_again_is_opened_again(runs: Path, tmp_path: Path) -> None:
+    shutil.copytree(runs / "toy", tmp_path / "toy")
+    state = State(tmp_path)
+    before, version = state.opened("toy"), state.version(state.opened("toy"))
+    assert state.opened("toy") is before
+    shutil.rmtree(tmp_path / "toy")
+    words = ["train", TOY, "--views", "known", "--steps", "2", "--seed", "5", "--quiet", "--out", str(tmp_path / "toy")]
+    assert main(words) == 0
+    again = state.opened("toy")
+    assert not torch.equal(again.sample(2), before.sample(2)) and again.step == before.step
+    assert state.version(again) != version

@@ -15,6 +15,7 @@ import pytest
 from unproject.cli import main
 from unproject.studio import Studio
 from unproject.studio.answers import Busy
+from unproject.studio.guard import Guard
 from unproject.studio.server import LARGEST
 from unproject.studio.state import State
 from unproject.studio.worker import Worker
@@ -207,3 +208,17 @@ def test_a_port_that_is_taken(runs: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_training_prints_the_command_that_watches_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", TOY, "--views", "known", "--steps", "1", "--out", str(tmp_path / "run")]) == 0
     assert f"unproject studio {tmp_path}" in capsys.readouterr().out
+
+
+def test_what_takes_too_long_is_said_to_go_on(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.studio.state.LONGEST", 0.05)
+    state, go = State(runs), threading.Event()
+    with pytest.raises(Busy, match="still being computed"):
+        state.compute(go.wait)
+    go.set()
+
+
+def test_hosts_as_browsers_write_them() -> None:
+    assert Guard.of("127.0.0.1", 80, None).refusal({"Host": "127.0.0.1"}) is None
+    assert Guard.of("MyBox", 8600, None).refusal({"Host": "mybox:8600"}) is None
+    assert Guard.of("127.0.0.1", 8600, None).refusal({"Host": "127.0.0.1"}) is not None

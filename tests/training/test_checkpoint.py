@@ -10,6 +10,7 @@ from safetensors.torch import save_file
 
 from unproject._types import UserError
 from unproject.training import checkpoint
+from unproject.training.checkpoint import list_checkpoints, step_of
 
 
 def save(folder: Path, *steps: int) -> Path:
@@ -58,3 +59,9 @@ def test_a_damaged_file_is_refused_and_an_empty_folder_too(tmp_path: Path) -> No
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(UserError, match="damaged"):
         checkpoint.load(path)
+
+
+def test_files_of_other_names_are_no_checkpoints(tmp_path: Path) -> None:
+    for name in ("step-000000002", "step-best", "step-000000001"):
+        (tmp_path / f"{name}.safetensors").touch()
+    assert [step_of(path) for path in list_checkpoints(tmp_path)] == [1, 2]

@@ -21,7 +21,7 @@ from .._types import UserError
 from ..data import Collection
 from ..metrics import Finding, Score
 from ..projections.base import Projection
-from ..projections.observation import Observation
+from ..projections.observation import Observation, exact
 from ..projections.priors import sample_each
 from .assigned import Assigned, smallest
 from .context import Context
@@ -181,7 +181,7 @@ class Panel:
         priors = [observation.prior for observation in self.observations]
         theta = sample_each(priors, views, source) if priors[0].names else {}
         theta |= learned.draw(len(views), source) if learned else {}
-        return self.projection(x, **{name: value[own].to(x) for name, value in theta.items()})
+        return self.projection(x, **{name: exact(value[own], x) for name, value in theta.items()})
 
 
 class AssignmentState(Assigned):

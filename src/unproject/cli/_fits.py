@@ -21,7 +21,7 @@ from ..data.readers.arrays import load_arrays
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..export.pictures import graphs
 from ..training.description import describe
-from ..training.fitted_pictures import as_seen, doubts
+from ..training.fitted_pictures import as_seen, doubts, object_of, view_of
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -55,7 +55,7 @@ class Job:
         """Return the rows of each object by its name: lines of one sinogram, `00007#2`, belong together."""
         if together:
             return {"together": list(range(len(self.found)))}
-        paths = [Path(os.path.abspath(name.partition("#")[0])) for name in self.found.names]
+        paths = [Path(os.path.abspath(object_of(name))) for name in self.found.names]
         common = Path(os.path.commonpath([path.parent for path in paths]))
         grouped: dict[str, list[int]] = {}
         made_of: dict[str, Path] = {}
@@ -122,7 +122,7 @@ def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
     views = [
         {
             "picture": name,
-            **{latent: round(torch.rad2deg(value[0, m]).item(), 2) for latent, value in fit.theta.items()},
+            **view_of(fit, 0, m, digits=2),
             "posterior": [round(share, 4) for share in fit.posterior[m].tolist()],
             "distance": round(fit.distance[0, m].item(), 4),
         }

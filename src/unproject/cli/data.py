@@ -58,9 +58,9 @@ def run(
         get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
         return
     if action == "pack":
-        _pack(path, out, for_, size, _framing(mode, threshold, polarity), strict)
+        _pack(path, out, for_, size, _framing(path, mode, threshold, polarity), strict)
         return
-    found = _inspected(path, for_, size, _framing(mode, threshold, polarity), strict)
+    found = _inspected(path, for_, size, _framing(path, mode, threshold, polarity), strict)
     print(json_format.dumps(found.as_dict()) if json else found.table())
     if not found.collections:
         name, _, _, reason = found.rows[0]
@@ -85,7 +85,8 @@ def _say_size(path: Path) -> None:
 MATERIALS = ("wood", "metal", "plastic", "correlated")
 
 
-def _framing(mode: str | None, threshold: float | None, polarity: str | None) -> Framing | None:
+def _framing(path: Path, mode: str | None, threshold: float | None, polarity: str | None) -> Framing | None:
+    """Return what was given, of arrays with the mode that they are kept in; None if nothing was."""
     from ..data import Framing
 
     given: dict[str, Any] = {
@@ -95,6 +96,8 @@ def _framing(mode: str | None, threshold: float | None, polarity: str | None) ->
         "polarity": polarity,
     }
     given = {name: value for name, value in given.items() if value is not None}
+    if given and not path.is_dir():
+        given = {"mode": "keep", **given}
     return Framing(**given) if given else None
 
 
@@ -102,7 +105,7 @@ def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | Non
     """Read a path as this recipe does, at its size."""
     from ..data import inspect, inspect_materials
 
-    size, kind = size or _size_of(recipe, path), recipe.partition("-")[0]
+    size, kind = _size_of(recipe, path) if size is None else size, recipe.partition("-")[0]
     if framing is not None and kind in ("digits", *MATERIALS):
         raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
     if kind in MATERIALS:
@@ -124,8 +127,9 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
     images = kind == "digits"
     if framing is not None and images:
         raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
-    size = size or _size_of(recipe, path) * (1 if images else ENLARGED)
-    out = out or path.with_name(f"{path.name}.npz")
+    size = _size_of(recipe, path) * (1 if images else ENLARGED) if size is None else size
+    whole = path if path.name not in ("", "..") else path.resolve()
+    out = out or whole.with_name(f"{whole.name}.npz")
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("packing")
         how = How(size, images, framing=framing, strict=strict)

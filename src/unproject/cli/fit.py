@@ -77,6 +77,8 @@ def run(
     from ._fits import Job, write_fits
 
     use_threads(threads)
+    if not pictures:
+        raise UserError("fit: name pictures, a folder of them or an .npz")
     search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune)
     opened = load(path, trust=trust)
     to = to or FORMATS.get(opened.domain.name, "npz")

@@ -56,5 +56,7 @@ def parse(argv: Sequence[str]) -> Callable[[], Any]:
 
 def _steps(path: Path) -> int:
     """Return the step of the newest checkpoint, 0 if there is none."""
-    found = sorted((path / "checkpoints").glob("step-*.safetensors"))
-    return int(found[-1].stem.removeprefix("step-")) if found else 0
+    from ..training.checkpoint import list_checkpoints, step_of
+
+    found = list_checkpoints(path / "checkpoints")
+    return step_of(found[-1]) if found else 0

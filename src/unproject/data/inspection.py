@@ -17,7 +17,7 @@ from .readers.found import Found, check_size
 from .readers.framing import Framing
 from .readers.how import How
 from .readers.patches import material_patches
-from .readers.paths import holds_only_shapes
+from .readers.paths import holds_shapes
 from .readers.photographs import photographed
 from .readers.pictures import found_of, stacked, survey_pictures
 from .reading import read
@@ -128,7 +128,7 @@ def inspect(
     """
     path = Path(path)
     check_size(path, size)
-    if path.is_dir() and pictures == "silhouettes" and not holds_only_shapes(path):
+    if path.is_dir() and pictures == "silhouettes" and not holds_shapes(path):
         return _inspect_silhouettes(path, How(size, framing=framing, strict=strict))
     found = read(path, size, pictures=pictures, framing=framing, strict=strict)
     kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.stored).kind]

@@ -9,6 +9,7 @@ was killed. They belong to these files, as they are now, read in this way; the p
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import os
 import shutil
@@ -63,7 +64,7 @@ def pack(path: Path, out: Path, how: How, report: Callable[[int, int], None] = l
     starts = range(0, len(files), PART)
     _write_parts(path, parts, [files[i : i + PART] for i in starts], how, report)
     found = _pack_of(path, out, [parts / f"{i:06d}.npz" for i in range(len(starts))], parts, how)
-    for old in out.parent.glob(f".{out.name}.*.parts"):
+    for old in out.parent.glob(f".{glob.escape(out.name)}.*.parts"):
         shutil.rmtree(old, ignore_errors=True)
     return found
 
@@ -73,7 +74,7 @@ def _identity(path: Path, files: Sequence[Path], how: How) -> str:
     digest = hashlib.sha256(repr(how).encode())
     for file in files:
         stat = file.stat()
-        digest.update(f"{file.relative_to(path)} {stat.st_size} {stat.st_mtime_ns}\n".encode())
+        digest.update(os.fsencode(file.relative_to(path)) + f" {stat.st_size} {stat.st_mtime_ns}\n".encode())
     return digest.hexdigest()[:12]
 
 
@@ -113,11 +114,11 @@ def _pack_of(path: Path, out: Path, parts: Sequence[Path], folder: Path, how: Ho
     """Join the parts."""
     tables = [_table(part) for part in parts]
     names, skipped, reasons = (np.concatenate([t[key] for t in tables]) for key in ("names", "skipped", "reasons"))
-    reported = tuple((name.decode(), reason.decode()) for name, reason in zip(skipped, reasons, strict=True))
+    reported = tuple((_text(name), _text(reason)) for name, reason in zip(skipped, reasons, strict=True))
     check_used(path, len(names), reported)
-    check_sizes(path, {t["shape"][1:]: t["names"][0].decode() for t in reversed(tables) if len(t["names"])})
+    check_sizes(path, {t["shape"][1:]: _text(t["names"][0]) for t in reversed(tables) if len(t["names"])})
     shape = next(t["shape"] for t in tables if len(t["names"]))
-    views = views_beside(path, [name.decode() for name in names.tolist()], [name for name, _ in reported]) or {}
+    views = views_beside(path, [_text(name) for name in names.tolist()], [name for name, _ in reported]) or {}
     columns = {"names": names, "skipped": skipped, "reasons": reasons, "side": np.array(side_of(path) or 0)}
     columns |= {name: angles.numpy() for name, angles in views.items()}
     dtype = np.dtype("uint8" if all(t["dtype"] == np.uint8 for t in tables) else "float32")
@@ -152,5 +153,9 @@ def _write_items(archive: zipfile.ZipFile, key: str, shape: tuple[int, ...], dty
 
 
 def _texts(texts: Sequence[str]) -> np.ndarray:
-    """UTF-8, as numpy stores bytes: a quarter of what its text takes."""
-    return np.array([text.encode() for text in texts], dtype=bytes)
+    """UTF-8, as numpy stores bytes: a quarter of what its text takes. Names of files may be other bytes."""
+    return np.array([text.encode(errors="surrogateescape") for text in texts], dtype=bytes)
+
+
+def _text(stored: bytes) -> str:
+    return stored.decode(errors="surrogateescape")

@@ -44,5 +44,7 @@ def groups(names: Sequence[str], share: float) -> Tensor:
         shapes = [RENDERED.sub("", name) for name in names]
         number = {shape: i for i, shape in enumerate(dict.fromkeys(shapes))}
         return torch.tensor([number[shape] for shape in shapes])
-    size = min(max(round(share * len(names)) // LEAST, 1), LARGEST)
-    return torch.arange(len(names)) // size
+    own = [name.removesuffix(" flipped") for name in names]  # a mirror image is no other picture
+    number = {name: i for i, name in enumerate(dict.fromkeys(own))}
+    size = min(max(round(share * len(number)) // LEAST, 1), LARGEST)
+    return torch.tensor([number[name] for name in own]) // size

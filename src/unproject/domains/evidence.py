@@ -82,8 +82,9 @@ def label_finding(distance: Tensor, seen: Evidence, seed: int) -> list[Finding]:
     if seen.real_views is None:
         return []
     own = seen.views[None] == seen.real_views[:, None]
-    other = seen.views[None] == seen.real_views.roll(len(seen.real_views) // 2)[:, None]
-    rows = own.any(1) & other.any(1)
+    others = seen.real_views.roll(len(seen.real_views) // 2)
+    other = seen.views[None] == others[:, None]
+    rows = own.any(1) & other.any(1) & (others != seen.real_views)
     if int(rows.sum()) < ENOUGH:
         return []
     ratio = nearest(distance[rows], own[rows]) / max(nearest(distance[rows], other[rows]), 1e-6)

@@ -42,7 +42,7 @@ def opposite_sides_agree(observation: Observation) -> bool:
     rng = generator_at(0, 0, "opposite sides")
     x = 0.1 * torch.rand(4, 8, 8, 8, generator=rng)  # full voxels would make all pictures white
     theta = observation.prior.sample(len(x), rng)
-    behind = {name: -value if name == "elevation" else value for name, value in theta.items()}
+    behind = {name: -value if name in ("elevation", "roll") else value for name, value in theta.items()}
     there = observation.projection(x, **(behind | {"azimuth": theta["azimuth"] + math.pi}))
     return torch.allclose(observation.projection(x, **theta), there.flip(-1), atol=1e-3)
 
@@ -68,7 +68,7 @@ def side_findings(observations: Sequence[Observation], shares: Tensor, known: bo
 
 
 def arcs(rare: Tensor) -> list[tuple[int, int]]:
-    """Return the arcs of cells (CELLS,) that are true, (from, to) in degrees; to may exceed 360 by wrapping around."""
+    """Return the arcs of cells (CELLS,) that are true, (from, to) in degrees; one across 0 ends before it begins."""
     step = 360 // len(rare)
     if bool(rare.all()):
         return [(0, 360)]

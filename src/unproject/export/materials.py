@@ -16,11 +16,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import secrets
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
@@ -29,6 +25,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
+from unproject._files import files_below, filled_folder
 from unproject._pictures import Depth, write_picture
 from unproject._types import UserError
 from unproject.export._volumes import Written, save
@@ -196,35 +193,10 @@ def write_folders(
     path = Path(path)
     if path.suffix in (".png", ".exr", ".json", ".mtlx") or (path.exists() and not path.is_dir()):
         raise UserError(f"{path}: a material is a folder of maps; give the name of a folder")
-    with _filled_folder(path) as staging:
+    with filled_folder(path) as staging:
         for name, material in materials.items():
             folder = staging / name if len(materials) > 1 else staging
             folder.mkdir(exist_ok=True)
             write(folder, material)
-        files = _files(staging)
+        files = files_below(staging)
     return Written(tuple(path / file for file in files))
-
-
-@contextmanager
-def _filled_folder(final: Path) -> Iterator[Path]:
-    """A hidden folder to fill on the same disk, whose content then moves to `final`; an error removes it."""
-    final = final.absolute()
-    exists = final.exists()
-    staging = (final if exists else final.parent) / f".{final.name}.{secrets.token_hex(4)}.tmp"
-    staging.mkdir(parents=True)
-    try:
-        yield staging
-        if exists:
-            for file in _files(staging):
-                (final / file).parent.mkdir(exist_ok=True)
-                os.replace(staging / file, final / file)
-        else:
-            os.replace(staging, final)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-
-
-def _files(folder: Path) -> list[Path]:
-    """Files below a folder, relative to it, in order; a folder's note after its pictures."""
-    found = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
-    return sorted(found, key=lambda file: (file.parent, file.suffix == ".json", file.name))

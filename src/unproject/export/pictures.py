@@ -237,7 +237,7 @@ def _kept(picture: Image.Image, path: str | PathLike[str] | None, lossless: bool
 
 
 def _format(path: Path) -> str:
-    suffixes = Image.registered_extensions()
+    suffixes = {suffix: kind for suffix, kind in Image.registered_extensions().items() if kind in Image.SAVE}
     if path.suffix.lower() not in suffixes:
         raise UserError(f"{path}: pictures are written by their suffix: use .png")
     return suffixes[path.suffix.lower()]

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..projections.base import Projection
-from ..projections.observation import Observation
+from ..projections.observation import Observation, exact
 from ..projections.priors import Prior, sample_each
 
 Latents = Mapping[str, Tensor]
@@ -76,4 +76,4 @@ class Viewing:
 
     def project(self, x: Tensor, theta: Latents) -> Tensor:
         """Return y = P(x, θ)."""
-        return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
+        return self.projection(x, **{name: exact(value, x) for name, value in theta.items()})

@@ -187,7 +187,7 @@ class VoxelGenerator(Generator):
     ) -> None:
         check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
-        widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
+        widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
         self.mirror, self.width = mirror, channels
         self.start = nn.Linear(code_size, channels * 4**3)
         layers: list[nn.Module] = [_norm(channels, batch_statistics), nn.ReLU()]
@@ -251,7 +251,7 @@ class ImageGenerator(Generator):
     ) -> None:
         check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
-        widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
+        widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
         self.width = channels
         self.start = nn.Linear(code_size, channels * 4**2)
         layers: list[nn.Module] = [nn.BatchNorm2d(channels), nn.ReLU()]

@@ -87,7 +87,7 @@ class DCGANMaterials(MaterialGenerator):
         self, size: int = 64, code_size: int = 512, channels: int = 512, shared: int = 2, slope: float = 0.2
     ) -> None:
         super().__init__(code_size)
-        widths = [max(channels // 2**i, 8) for i in range(upsampling_levels(size) + 1)]
+        widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
         self.width, self.slope = channels, slope
         self.start = nn.Linear(code_size, channels * 4**2)
         # The linear layer is the first of the shared ones.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -108,9 +109,14 @@ void project(T* image, const T* cosine, const T* sine, T* out, int64_t batch, in
     const int64_t size = shadows.buffer();
     std::vector<T> rows(size_t(channels * LANES * size));
     for (int64_t b = 0; b < batch; ++b) {
+        T* measured = out + b * channels * bins;
+        if (!std::isfinite(cosine[b]) || !std::isfinite(sine[b])) {  // no place in memory is that of such an angle
+            T* found = back ? image + b * channels * height * width : measured;
+            std::fill(found, found + channels * (back ? height * width : bins), std::numeric_limits<T>::quiet_NaN());
+            continue;
+        }
         shadows.turn(cosine[b], sine[b]);
         std::fill(rows.begin(), rows.end(), T(0));
-        T* measured = out + b * channels * bins;
         for (int64_t i = 0; back && i < channels * bins; ++i)
             rows[size_t(i / bins * LANES * size + shadows.margin + i % bins)] = measured[i] * scale;
         for (int64_t row = 0; row < height; ++row) {

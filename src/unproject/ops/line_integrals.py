@@ -53,13 +53,16 @@ def strip_integrals(image: Tensor, angle: Tensor, bins: int) -> Tensor:
 
 def strip_integrals_sparse(image: Tensor, angle: Tensor, bins: int) -> Tensor:
     """Return the values of `strip_integrals` from the few strips that each pixel overlaps; no gradient by `angle`."""
-    shadows = cast_shadows(angle.detach(), image.shape[2], image.shape[3], bins)
-    return _Cast.apply(image, shadows, False) * (bins / image.shape[3] ** 2)
+    known = angle.detach().isfinite()
+    shadows = cast_shadows(torch.where(known, angle.detach(), 0), image.shape[2], image.shape[3], bins)
+    sums = _Cast.apply(image, shadows, False) * (bins / image.shape[3] ** 2)
+    return sums if bool(known.all()) else torch.where(known[:, None, None], sums, torch.nan)
 
 
 def strip_integrals_native(image: Tensor, angle: Tensor, bins: int) -> Tensor:
     """Return `strip_integrals` by `line_integrals.cpp`, or by `strip_integrals_sparse` without a compiler."""
-    if _kernel(image, False) is None:
+    known = image.device.type == "cpu" and image.dtype in (torch.float32, torch.float64)
+    if not known or _kernel(image, False) is None:
         return strip_integrals_sparse(image, angle, bins)
     return _Native.apply(image, torch.stack(cos_sin(angle.detach().to(image))), image.shape[2:], bins, False)
 

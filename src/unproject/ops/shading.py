@@ -156,7 +156,7 @@ def plan_samples(light: Light, sampling: Sampling, jitter: Tensor, like: Tensor)
 
 def diffuse_counts(maps: Tensor, lobes: int) -> Tensor:
     """Return the number (B, H W) of diffuse lobe samples, in proportion to the albedos; each lobe has one or more."""
-    named = unpack_maps(maps.detach().flatten(3) if maps.dim() == 4 else maps)
+    named = unpack_maps(maps.detach())
     k_d, k_s = named["diffuse"].mean(1), named["specular"][:, 0]
     count = (lobes * k_d / (k_d + k_s).clamp(min=LEAST)).round()
     # The albedos do not bound the reflection at grazing angles, so both lobes keep a sample.

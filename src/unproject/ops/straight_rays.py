@@ -38,7 +38,8 @@ def straight_ray_sums(volume: Tensor, origin: Tensor, direction: Tensor, samples
         origin, direction: (B, ..., 3).
         samples, half_depth: n and the depth of the first and last cell's outer faces, in units of d.
     """
-    if volume.device.type != "cpu" or _kernel("sum", volume) is None:
+    alike = volume.dtype == origin.dtype == direction.dtype and volume.dtype in (torch.float32, torch.float64)
+    if volume.device.type != "cpu" or not alike or _kernel("sum", volume) is None:
         return ray_sums_plain(volume, origin, direction, samples, half_depth)
     return _Sums.apply(volume, origin, direction, volume.shape, samples, half_depth, False)
 

@@ -50,4 +50,9 @@ class Observation:
     def __call__(self, x: Tensor, rng: torch.Generator) -> Tensor:
         """Project a batch, each element with its own draw of θ."""
         theta = self.prior.sample(len(x), rng)
-        return self.projection(x, **{name: value.to(x) for name, value in theta.items()})
+        return self.projection(x, **{name: exact(value, x) for name, value in theta.items()})
+
+
+def exact(value: Tensor, x: Tensor) -> Tensor:
+    """Return a latent on the device of x, in its type, or in float32 where that is too coarse for an angle."""
+    return value.to(x.device, torch.promote_types(x.dtype, torch.float32))

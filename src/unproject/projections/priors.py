@@ -13,7 +13,8 @@ from torch import Tensor
 from .._types import UserError
 
 TURN = 2 * math.pi
-GRID = 2**40
+GRID = 2**20
+"""Places in a period that are told apart: fewer than float32 does, so that an edge is where a value on it is."""
 
 
 class Prior(ABC):

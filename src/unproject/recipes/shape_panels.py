@@ -128,8 +128,8 @@ def camera_of(
 def silhouette_views(silhouette: Projection, bins: int, bands: int | None) -> tuple[Observation, ...]:
     """Return bins of azimuth at elevation 0, or times bands of elevation."""
     bands = 1 if bands is None else bands
-    if bins < 1 or bands < 1:
-        raise UserError(f"bins={bins}, bands={bands}: give at least one of each")
+    if bins < 1 or bands < 1 or bins % 2 and bins > 1:
+        raise UserError(f"bins={bins}, bands={bands}: give at least one of each, and an even number of bins")
     return azimuth_bins(bins, silhouette) if bands == 1 else azimuth_elevation_bins(bins, bands, silhouette)
 
 

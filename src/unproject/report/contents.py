@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .._types import UserError
-from ..training.checkpoint import list_checkpoints
+from ..training.checkpoint import list_checkpoints, step_of
 from ..training.run_directory import VERDICT, read_recipe
 
 DAMAGED = "damaged or missing"
@@ -105,7 +104,7 @@ def read_contents(path: Path) -> Contents:
         remarks.append(f"{VERDICT} is {DAMAGED}: `unproject evaluate` judges the run again.")
         verdict = None
     found = list_checkpoints(path / "checkpoints")
-    step = _step(found[-1]) if found else 0
+    step = step_of(found[-1]) if found else 0
     return Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
 
 
@@ -152,11 +151,4 @@ def _lines(path: Path, remarks: list[str]) -> list[dict[str, Any]]:
 
 def _previews(path: Path) -> list[tuple[int, Path]]:
     found = sorted((path / "samples").glob("step-*.png"))
-    return [(_step(file), file) for file in found if file.stem.removeprefix("step-").isdecimal()]
-
-
-def _step(file: Path) -> int:
-    digits = file.stem.removeprefix("step-")
-    if not digits.isdecimal():
-        raise UserError(f"{file}: not named step-NUMBER; remove it, or give it its name back")
-    return int(digits)
+    return [(step_of(file), file) for file in found if file.stem.removeprefix("step-").isdecimal()]

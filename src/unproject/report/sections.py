@@ -9,6 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from ..training.run import is_foreign
 from .contents import Contents, number
 from .curves import HEIGHT, charts_of, draw
 from .markup import command, definitions, paragraph, picture, section, text
@@ -16,7 +17,6 @@ from .pictures import Picture
 
 WORDS = ("good", "doubtful", "failed")
 FEWEST_LABELS, WIDTH = 16, 900
-SETTINGS = ("size", "batch", "seed", "steps", "minutes", "views", "bins")
 
 
 def verdict_section(contents: Contents, training: bool = False) -> str:
@@ -192,6 +192,9 @@ def _panel_rows(panel: object) -> Iterable[tuple[str, object]]:
 def commands_section(contents: Contents) -> str:
     """Return what made the run and what can be done with it next."""
     run, made = shlex.quote(str(contents.path)), contents.command
+    function = str(contents.recipe.get("function", ""))
+    again = " --trust" if function and not function.startswith("unproject.") else ""  # it makes the recipe again
+    drawn = " --trust" if is_foreign(contents.path) else ""
     minutes = math.ceil(2 * max(contents.seconds, 30) / 60)
     further = f"unproject resume {run}" + (f" --minutes {minutes}" if contents.complete else "")
     folder, meshes = (shlex.quote(str(contents.path / name)) for name in ("samples.png", "meshes"))
@@ -200,15 +203,15 @@ def commands_section(contents: Contents) -> str:
     return section(
         "Commands",
         command("made this run", made) if made else paragraph("environment.json does not tell the command."),
-        command("goes on with it", further),
-        command("scores it", f"unproject evaluate {run}"),
-        command("writes more samples", f"unproject export {run} --to png --out {folder}"),
+        command("goes on with it", further + again),
+        command("scores it", f"unproject evaluate {run}{again}"),
+        command("writes more samples", f"unproject export {run} --to png --out {folder}{drawn}"),
         *(
-            [command("writes them as meshes", f"unproject export {run} --to glb --n 4 --out {meshes}")]
+            [command("writes them as meshes", f"unproject export {run} --to glb --n 4 --out {meshes}{drawn}")]
             if shapes
             else []
         ),
-        command("writes a page like this", f"unproject report {run}"),
+        command("writes a page like this", f"unproject report {run}{again}"),
     )
 
 

@@ -71,7 +71,10 @@ def score_materials(domain: Domain, maps: Tensor, reference: Tensor, source: str
 def score_truth(source: str, place: Place, truths: Mapping[str, Result], fields: Mapping[str, Any]) -> None:
     """Score and store true samples of a source, and materials whose maps belong to different materials."""
     others, domain = SOURCES[source].others, SOURCES[source].domain
-    if others is None or truths["truth"].exists:
+    if others is None:
+        return
+    if truths["truth"].exists:
+        truths["truth"].check(fields)
         return
     rng = torch.Generator().manual_seed(0)
     samples = others(place)

@@ -12,7 +12,7 @@ from .._types import UserError
 from ..training import Run, load
 from .shared import EXAMPLES, example_path, save_pretrained
 
-FILES = ("README.md", "*.json", "checkpoints/*.safetensors", "samples/*.png")
+FILES = ("README.md", "*.json", "stats.jsonl", "checkpoints/*.safetensors", "samples/*.png")
 """What is fetched: nothing of it is executable."""
 NAME = re.compile(r"[\w.-]+/[\w.-]+", re.ASCII)
 

@@ -6,7 +6,7 @@ exported, explored and fitted, but not resumed. Floats have 16 bits, labels of v
 
 from __future__ import annotations
 
-import json
+import re
 import shutil
 from collections.abc import Mapping
 from importlib.resources import files
@@ -17,11 +17,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .._files import atomic_path
+from .._files import atomic_path, filled_folder, read_json
 from .._types import UserError
 from ..training import Run, load
 from ..training import checkpoint as checkpoints
-from ..training.run_directory import VERDICT, write_json
+from ..training.run_directory import RESTORE, VERDICT, write_json
 from .card import CARD, card_of
 
 EXAMPLES = ("chairs",)
@@ -51,7 +51,8 @@ def put_example(name: str, folder: Path) -> Path:
     """
     path = folder / f"example-{name}"
     if not (path / "recipe.json").is_file():
-        shutil.copytree(example_path(name), path, dirs_exist_ok=True)
+        with filled_folder(path) as staging:
+            shutil.copytree(example_path(name), staging, dirs_exist_ok=True)
     return path
 
 
@@ -78,18 +79,23 @@ def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str],
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder}: is not empty; give another --out")
+    with filled_folder(folder) as staging:
+        _fill(staging, opened)
+    return folder
+
+
+def _fill(folder: Path, opened: Run) -> None:
     newest = checkpoints.newest(opened.path / "checkpoints")
     tensors = {name: small(value) for name, value in checkpoints.load(newest).items() if is_shared(name)}
-    (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
+    (folder / "checkpoints").mkdir()
     checkpoints.save(folder / "checkpoints", opened.step, tensors)
     for place in PLACES:
         if (opened.path / place).is_file():
-            write_json(folder / place, without_paths(json.loads((opened.path / place).read_text(encoding="utf-8"))))
+            write_json(folder / place, without_paths(read_json(opened.path / place, RESTORE)))
     _copy_preview(opened.path, folder)
     _copy_log(opened.path / LOG, folder / LOG)
     with atomic_path(folder / CARD) as temporary:
         temporary.write_text(card_of(opened, folder), encoding="utf-8")
-    return folder
 
 
 def _copy_preview(source: Path, folder: Path) -> None:
@@ -128,14 +134,26 @@ def small(value: Tensor) -> Tensor:
 
 
 def without_paths(value: Any) -> Any:
-    """Return a JSON value whose absolute paths are shortened to their last part.
+    """Return a JSON value whose absolute paths are shortened to their last part; of a `command` relative ones too.
 
     Examples:
         >>> without_paths({"data": "/data/secret/masks", "rate": 0.1})
         {'data': 'masks', 'rate': 0.1}
+        >>> without_paths({"command": ["unproject", "train", "shapes", "--data=../secret/masks"]})
+        {'command': ['unproject', 'train', 'shapes', '--data=masks']}
     """
     if isinstance(value, Mapping):
-        return {name: without_paths(part) for name, part in value.items()}
+        return {
+            name: [_short_word(word) for word in part]
+            if name == "command" and isinstance(part, list)
+            else without_paths(part)
+            for name, part in value.items()
+        }
     if isinstance(value, list):
         return [without_paths(part) for part in value]
     return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
+
+
+def _short_word(word: Any) -> str:
+    flag, sign, path = str(word).rpartition("=") if str(word).startswith("-") else ("", "", str(word))
+    return flag + sign + re.split(r"[/\\]", path.rstrip("/\\"))[-1]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -221,7 +222,7 @@ def correct(state: State, request: Request) -> Answer:
     with state.writing:
         corrected = {**_corrected(state, asked.text("run"), chosen), str(name): view}
         file = state.folder.run(asked.text("run")) / VIEWS
-        _write(file, chosen, _with(chosen, corrected), angles)
+        _write(file, _table(chosen, _with(chosen, corrected), angles) + _others(file, chosen))
     return of_json({"file": str(file), "corrected": len(corrected)})
 
 
@@ -235,15 +236,31 @@ def download_views(state: State, request: Request) -> Answer:
     return attachment(_table(chosen, views, angles).encode(), VIEWS)
 
 
-def _write(file: Path, chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> None:
+def _write(file: Path, table: str) -> None:
     with naming(file), atomic_path(file) as temporary:
-        temporary.write_text(_table(chosen, views, angles), encoding="utf-8")
+        temporary.write_text(table, encoding="utf-8")
+
+
+def _others(file: Path, chosen: Sorted) -> str:
+    """Return the lines of views.csv that are of other panels' pictures."""
+    if not file.exists():
+        return ""
+    own, text = {*chosen.names}, file.read_text(encoding="utf-8", errors="replace")
+    rows = [row for row in csv.reader(io.StringIO(text)) if row and row[0] not in ("file", *own)]
+    return _csv(rows)
+
+
+def _csv(rows: Iterable[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _table(chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> str:
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["file", *angles[0]])
-    for name, view in zip(chosen.names, views.tolist(), strict=True):
-        table.writerow([name, *(f"{angle:g}" for angle in angles[view].values())])
-    return text.getvalue()
+    """Return views.csv of the pictures; mirror images, which are no files, are left out."""
+    rows = [
+        [name, *(f"{angle:g}" for angle in angles[view].values())]
+        for name, view in zip(chosen.names, views.tolist(), strict=True)
+        if not name.endswith(" flipped")
+    ]
+    return _csv([["file", *angles[0]], *rows])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
@@ -18,7 +17,15 @@ from ..assignment import AssignmentState
 from ..data import Collection
 from ..inversion import Fit, Fitter, Novelty, Search
 from ..training import Run
-from ..training.fitted_pictures import doubts, framed_viewing, given_view, known_views, observed
+from ..training.fitted_pictures import (
+    doubts,
+    framed_viewing,
+    given_view,
+    known_views,
+    object_of,
+    observed,
+    view_of,
+)
 from ..training.fitting import novelty_of, state_of, viewing_of
 
 if TYPE_CHECKING:
@@ -82,6 +89,7 @@ class Explanation:
         pictures: as they are compared, (M, ...).
         fit: what was found, with `why` it does not explain the pictures, and p.
         error: what went wrong.
+        shown: what a page was told of the result, after so many moves.
     """
 
     def __init__(self, asked: Asked) -> None:
@@ -95,6 +103,7 @@ class Explanation:
         self.why: list[str] = []
         self.p: float | None = None
         self.seconds = 0.0
+        self.shown: tuple[int, dict[str, Any]] | None = None
         self._unwanted = threading.Event()
 
     @property
@@ -110,19 +119,21 @@ class Explanation:
         begin = time.perf_counter()
         try:
             self._explain(state)
-            self._now("done")
+            ended = "done"
         except Stopped:
-            self._now("stopped")
+            ended = "stopped"
         except Exception as error:  # a part of the user's own may fail in any way
             self.error = " ".join(str(error).split()) or type(error).__name__
-            self._now("failed")
+            ended = "failed"
         self.seconds = time.perf_counter() - begin
+        self.asked = replace(self.asked, content=b"")
+        self._end(ended)
 
     def _explain(self, state: State) -> None:
         asked = self.asked
         self._now("opening the run")
         self.run = run = state.opened(asked.run)
-        key = (asked.run, run.step, asked.observation, asked.search, Path(asked.name).suffix == ".npz")
+        key = (asked.run, state.version(run), asked.observation, asked.search, Path(asked.name).suffix == ".npz")
         self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
         self._now("reading the picture")
         found = _read(asked, means)
@@ -141,8 +152,11 @@ class Explanation:
         self.done, self.x, self.projected = done, x, projected
         self._now("moving the sample towards the picture")
 
-    def _now(self, stage: str) -> None:
+    def _end(self, stage: str) -> None:
         self.stage, self.moves = stage, self.moves + 1
+
+    def _now(self, stage: str) -> None:
+        self._end(stage)
         if self._unwanted.is_set() and not self.ended:
             raise Stopped
 
@@ -160,8 +174,8 @@ def _read(asked: Asked, means: Means) -> Collection:
         file.write_bytes(asked.content)
         found = _told(lambda: observed(means.run, [file], viewing, 1.0), str(file), asked.name[:80])
         found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
-    first = found.names[0].partition("#")[0]
-    return found.subset([row for row, name in enumerate(found.names) if name.partition("#")[0] == first])
+    first = object_of(found.names[0])
+    return found.subset([row for row, name in enumerate(found.names) if object_of(name) == first])
 
 
 def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:
@@ -173,10 +187,6 @@ def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:
 
 
 def degrees(fit: Fit) -> list[list[dict[str, float]]]:
-    """Return the latents of each explanation's views, in degrees, of each picture."""
+    """Return the view of each explanation, of each picture (`view_of`)."""
     explanations, pictures = fit.distance.shape
-
-    def of(k: int, m: int) -> dict[str, float]:
-        return {name: round(math.degrees(value[k, m]), 1) for name, value in fit.theta.items()}
-
-    return [[of(k, m) for m in range(pictures)] for k in range(explanations)]
+    return [[view_of(fit, k, m) for m in range(pictures)] for k in range(explanations)]

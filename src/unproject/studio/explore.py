@@ -28,7 +28,7 @@ FACES = 16_000
 def space_of(state: State, request: Request) -> Space:
     """Return the space of a run, made once for each checkpoint."""
     run = state.shown(request)
-    return state.kept(("space", request.text("run"), run.step), lambda: Space.of(run), 3)
+    return state.kept(("space", request.text("run"), state.version(run)), lambda: Space.of(run), 3)
 
 
 def show_grid(state: State, request: Request) -> Answer:
@@ -37,25 +37,22 @@ def show_grid(state: State, request: Request) -> Answer:
 
     def grid() -> dict[str, Any]:
         run = state.shown(request)
-        x = state.kept(("samples", name, run.step, page), lambda: _samples(run, page), 16)
+        seen = state.kept(("grid", name, state.version(run), page), lambda: _thumbnails(run, page), 16)
         return {
             "kind": run.domain.name,
             "step": run.step,
             "pages": PICKS // SHOWN,
             "sliders": DIRECTIONS,
             "formats": sorted(run.domain.exporters),
-            "samples": [{"pick": page * SHOWN + k, "picture": uri} for k, uri in enumerate(_thumbnails(run.domain, x))],
+            "samples": [{"pick": page * SHOWN + k, "picture": uri} for k, uri in enumerate(seen)],
         }
 
     return of_json(state.compute(grid))
 
 
-def _samples(run: Run, page: int) -> Tensor:
-    return run.sample((page + 1) * SHOWN, seed=0, largest_part=True)[page * SHOWN :]
-
-
-def _thumbnails(domain: Domain, x: Tensor) -> list[str]:
-    return [thumbnail(domain, one[None]).uri for one in x]
+def _thumbnails(run: Run, page: int) -> list[str]:
+    x = run.sample((page + 1) * SHOWN, seed=0, largest_part=True)[page * SHOWN :]
+    return [thumbnail(run.domain, one[None]).uri for one in x]
 
 
 def thumbnail(domain: Domain, x: Tensor) -> Picture:

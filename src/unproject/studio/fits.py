@@ -86,7 +86,15 @@ def show_fit(state: State, request: Request) -> Answer:
     told = {"run": one.asked.run, "name": one.asked.name, "stage": one.stage, "ended": one.ended, "done": one.done}
     told |= {"moves": one.moves, "drawable": one.x is not None, "error": one.error, "seconds": round(one.seconds, 1)}
     pictures = {"picture": _seen(one, one.pictures), "projection": _seen(one, one.projected)}
-    return of_json({**told, **pictures, **(_result(one, one.fit) if one.fit is not None else {})})
+    return of_json({**told, **pictures, **(_shown(one, one.fit) if one.fit is not None else {})})
+
+
+def _shown(one: Explanation, fit: Fit) -> dict[str, Any]:
+    """Return the result of a fit, made again only when it has changed: a page looks several times a second."""
+    moves = one.moves
+    if one.shown is None or one.shown[0] != moves:
+        one.shown = moves, _result(one, fit)
+    return one.shown[1]
 
 
 def _seen(one: Explanation, y: Tensor | None) -> str | None:

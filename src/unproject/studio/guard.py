@@ -41,8 +41,10 @@ class Guard:
     @classmethod
     def of(cls, host: str, port: int, token: str | None) -> Guard:
         """Return the guard of a server that listens there."""
-        names = {host, *LOOPBACK}
-        return cls(None if host in EVERYWHERE else frozenset(authority(name, port) for name in names), token)
+        names = {host.lower(), *LOOPBACK}
+        known = {authority(name, port) for name in names}
+        known |= {authority(name, port).removesuffix(":80") for name in names if port == 80}  # as browsers write it
+        return cls(None if host in EVERYWHERE else frozenset(known), token)
 
     def refusal(self, headers: Mapping[str, str]) -> str | None:
         """Return why a request with these headers is refused; None if it may be answered."""

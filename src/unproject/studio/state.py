@@ -5,11 +5,13 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from concurrent.futures import TimeoutError as Waited
 from pathlib import Path
 from typing import Any, TypeVar
 
 from ..training import Run, load
-from .answers import Missing, Request
+from ..training.checkpoint import checkpoint_of, list_checkpoints
+from .answers import Busy, Missing, Request
 from .folder import Folder
 from .worker import Worker
 
@@ -41,8 +43,19 @@ class State:
         self.writing = threading.Lock()
 
     def compute(self, call: Callable[[], T]) -> T:
-        """Return what a call returns, made in the thread that computes."""
-        return self.worker.submit(call).result(LONGEST)
+        """Return what a call returns, made in the thread that computes.
+
+        Raises:
+            Busy: if it takes too long; it is then left, unless it is being computed already.
+        """
+        future = self.worker.submit(call)
+        try:
+            return future.result(LONGEST)
+        except Waited:
+            if future.done():  # the call itself ran into something of that name
+                raise
+            future.cancel()
+            raise Busy("this takes long and is still being computed; look again in a minute") from None
 
     def shown(self, request: Request) -> Run:
         """Return the run that an address names, at the step that it names, if it names one."""
@@ -70,12 +83,25 @@ class State:
             Missing: if that step's weights are no longer there.
         """
         path = self.folder.run(name)
-        newest = max((file.name for file in (path / "checkpoints").glob("step-*.safetensors")), default="")
-        wanted = newest if step is None else f"step-{step:09d}.safetensors"
+        newest = next(reversed(list_checkpoints(path / "checkpoints")), None)
+        wanted = checkpoint_of(path, step).name if step is not None else newest.name if newest else ""
+        key, stored = ("run", name, wanted), None
+        if newest is not None and wanted == newest.name:
+            stored = newest.stat().st_mtime_ns  # the run may have been made again
+            with self._lock:
+                if key in self._kept and self._kept[key][0] != stored:
+                    del self._kept[key]
 
-        def read() -> Run:
-            if wanted != newest:
+        def read() -> tuple[int | None, Run]:
+            if stored is None and newest is not None:
                 raise Missing(f"{name}: its weights of step {step:,} are no longer there; show the newest")
-            return load(path, trust=self.trust)
+            return stored, load(path, trust=self.trust)
 
-        return self.kept(("run", name, wanted), read, OPENED)
+        return self.kept(key, read, OPENED)[1]
+
+    def version(self, run: Run) -> tuple[int, int]:
+        """Return what tells the weights of a run from others of its name: their step, and when they were written."""
+        try:
+            return run.step, checkpoint_of(run.path / "checkpoints", run.step).stat().st_mtime_ns
+        except FileNotFoundError:  # the training has gone on since
+            return run.step, 0

@@ -60,6 +60,10 @@ def _prior_deterministic(case: PriorCase) -> str:
 def _prior_support(case: PriorCase) -> str:
     draws = case.draw(1024)
     inside = case.prior.contains(draws) if draws else torch.ones(0, dtype=torch.bool)
+    need(
+        inside.dtype == torch.bool and inside.shape == (len(next(iter(draws.values()), ())),),
+        f"contains() gives {inside.dtype} of shape {tuple(inside.shape)}, not a bool for each draw",
+    )
     need(bool(inside.all()), f"{int((~inside).sum())} of 1024 draws lie outside")
     return "1024 draws inside"
 

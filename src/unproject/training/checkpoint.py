@@ -20,7 +20,7 @@ OLDER = "delete it, and the run resumes from the one before"
 
 def save(folder: Path, step: int, tensors: dict[str, Tensor]) -> Path:
     """Write the checkpoint of a step, then drop all but the newest two. A full disk leaves the older ones."""
-    path = folder / f"step-{step:09d}.safetensors"
+    path = checkpoint_of(folder, step)
     with atomic_path(path) as temporary:
         try:
             save_file(tensors, temporary, metadata={"format": FORMAT})
@@ -39,7 +39,17 @@ def _as_os_error(path: Path, error: SafetensorError) -> OSError:
 
 def list_checkpoints(folder: Path) -> list[Path]:
     """The checkpoints of a folder, oldest first."""
-    return sorted(folder.glob("step-*.safetensors"))
+    return sorted(path for path in folder.glob("step-*.safetensors") if path.stem.removeprefix("step-").isdecimal())
+
+
+def checkpoint_of(folder: Path, step: int) -> Path:
+    """The checkpoint of a step."""
+    return folder / f"step-{step:09d}.safetensors"
+
+
+def step_of(path: Path) -> int:
+    """The step of a checkpoint, by its name."""
+    return int(path.stem.removeprefix("step-"))
 
 
 def newest(folder: Path) -> Path:

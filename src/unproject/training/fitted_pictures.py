@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,26 @@ FAR = 0.6
 """The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
 
 
+NO_ANGLES, NO_VIEWS = ("perspective",), ("probe", "jitter")
+"""Latents that are not angles; and those that say nothing of the camera or the light."""
+
+
+def object_of(name: str) -> str:
+    """Return the object that a picture is of, by its name: lines of one sinogram, `00007#2`, have one.
+
+    Examples:
+        >>> object_of("00007#2"), object_of("chair #2.png")
+        ('00007', 'chair #2.png')
+    """
+    return re.sub(r"#\d+$", "", name)
+
+
+def view_of(fit: Fit, explanation: int, picture: int, digits: int = 1) -> dict[str, float]:
+    """Return from where an explanation says that a picture was taken: its latents, angles in degrees."""
+    found = {name: value[explanation, picture].item() for name, value in fit.theta.items() if name not in NO_VIEWS}
+    return {name: round(v if name in NO_ANGLES else math.degrees(v), digits) for name, v in found.items()}
+
+
 def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
     """Return the viewing of pictures that are cropped as they are read, where the run's were not."""
     cropped = paths[0].is_dir() or are_pictures(paths)
@@ -38,8 +59,6 @@ def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
 
 def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float) -> Collection:
     """Return the pictures, as the viewing's projection makes them."""
-    if not paths:
-        raise UserError("fit: name pictures, a folder of them or an .npz")
     size, listed = opened.generator.sample(1, batch=1).shape[-1], are_pictures(paths)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")

@@ -242,7 +242,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     except RuntimeError as error:
         raise UserError(f"{newest}: the weights do not fit recipe.json: another run's or version's") from error
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
-    step = int(newest.stem.removeprefix("step-"))
+    step = checkpoint.step_of(newest)
     return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
 
 

@@ -46,7 +46,7 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
         state.counters.tried = state.recipe.tries.count
     return {
         "run": str(path.absolute()),
-        "step": int(newest.stem.removeprefix("step-")),
+        "step": checkpoint.step_of(newest),
         **{name: stored[name] for name in ("recipe", "arguments", "start")},
         "panels": [_take_over_panel(state, i, tensors) for i in range(len(state.panels))],
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -13,9 +14,11 @@ import pytest
 import torch
 from PIL import Image
 
+from unproject._pictures import UnusablePicture
 from unproject._types import UserError
 from unproject.data import Collection
 from unproject.data.readers import surveying
+from unproject.data.readers.surveying import Item, survey
 
 COUNT = 24
 
@@ -91,3 +94,16 @@ def _runs(process: int) -> bool:
         return stat.read_text(encoding="ascii").rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_a_worker_that_is_killed_is_said(tmp_path: Path, two_workers: None) -> None:
+    """As the system kills what takes too much memory; nothing waits for it."""
+    files = [tmp_path / f"{k}.png" for k in range(300)]
+
+    def deadly(file: Path) -> Item:
+        if file.stem == "150":
+            os.kill(os.getpid(), signal.SIGKILL)
+        raise UnusablePicture("nothing")
+
+    with pytest.raises(UserError, match="a process that reads pictures was killed"):
+        survey(tmp_path, files, deadly, strict=False)

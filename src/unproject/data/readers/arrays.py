@@ -62,7 +62,7 @@ def read_arrays(path: Path, how: How) -> Found:
     if isinstance(stored, np.memmap):
         return _in_file(path, found, pictures, how)
     if how.images:
-        return found._replace(items=as_images(pictures, how.size, how.colour), white=white_of(values))
+        return found._replace(items=as_images(_of_eight_bits(pictures), how.size, how.colour), white=EIGHT_BITS)
     return _silhouettes(path, found, pictures, how)
 
 
@@ -225,11 +225,21 @@ def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:
     )
 
 
+EIGHT_BITS = 255
+
+
+def _of_eight_bits(pictures: Tensor) -> Tensor:
+    """Pictures in which 255 stands for 1, whatever did before: what is made of them is grey; floats as they are."""
+    return pictures * EIGHT_BITS if pictures.dtype == torch.uint8 and white_of(pictures) == 1 else pictures
+
+
 def _in_file(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
     """Pictures that stay in their file: what `as_images` and `_silhouettes` make of them is made by the batch."""
     white, framing = white_of(pictures), how.framing or AS_GIVEN
     if how.images:
-        return found._replace(items=Lazy(pictures, change=lambda x: as_images(x, how.size, how.colour)), white=white)
+        factor = EIGHT_BITS if white == 1 and not pictures.is_floating_point() else 1
+        change = lambda x: as_images(x * factor, how.size, how.colour)  # noqa: E731
+        return found._replace(items=Lazy(pictures, change=change), white=EIGHT_BITS)
     size = how.size or max(pictures.shape[2:])
     if pictures.shape[1:] == (1, size, size) and framing == AS_GIVEN:
         return found._replace(items=Lazy(pictures), white=white)

@@ -26,7 +26,7 @@ def find(path: str | os.PathLike[str], how: How) -> Found:
     check_size(path, how.size)
     file, selector = split_selector(path)
     if path.is_dir():
-        return find_volumes(path, how.size, strict=how.strict) if holds_only_shapes(path) else read_pictures(path, how)
+        return find_volumes(path, how.size, strict=how.strict) if holds_shapes(path) else read_pictures(path, how)
     if not file.exists():
         raise UserError(f"{path}: there is no such file or folder; check the path")
     if selector or file.suffix.lower() in SHAPES or is_shape_archive(file):
@@ -36,7 +36,16 @@ def find(path: str | os.PathLike[str], how: How) -> Found:
     return read_arrays(file, how)
 
 
-def holds_only_shapes(path: Path) -> bool:
-    """Whether a folder has files of shapes and no picture."""
-    found = {file.suffix.lower() for file in paths_below(path) if not file.name.startswith(".")}
-    return bool(found & set(SHAPES)) and not found & set(PICTURES)
+def holds_shapes(path: Path) -> bool:
+    """Whether a folder has files of shapes; pictures in a sub-folder of a shape are its textures.
+
+    Raises:
+        UserError: if there are other pictures too.
+    """
+    files = [file for file in paths_below(path) if not any(part[0] == "." for part in file.relative_to(path).parts)]
+    shapes = [file for file in files if file.suffix.lower() in SHAPES]
+    around = {shape.parent for shape in shapes} - {path}
+    pictures = [file for file in files if file.suffix.lower() in PICTURES and not around & set(file.parents)]
+    if shapes and pictures:
+        raise UserError(f"{path}: holds shapes ({shapes[0]}) and pictures ({pictures[0]}); name a folder of one kind")
+    return bool(shapes)

@@ -20,7 +20,7 @@ from ...ops.exposure import linear_from_srgb
 from ...ops.maps import MAPS
 from .found import Found
 from .framing import centred_square
-from .pictures import SUFFIXES
+from .pictures import SUFFIXES, is_hidden
 
 FLOATING = (".exr", ".hdr")
 SMOOTHEST = 1e-3
@@ -38,7 +38,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
     """
     folder = path / name
     below = paths_below(folder) if folder.is_dir() else []
-    files = [file for file in below if file.suffix.lower() in (*SUFFIXES, *FLOATING)]
+    files = [file for file in below if file.suffix.lower() in (*SUFFIXES, *FLOATING) and not is_hidden(file, folder)]
     if not files:
         raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")
     found: dict[str, Tensor] = {}

@@ -116,7 +116,13 @@ def picture_files(path: Path) -> list[Path]:
 
 
 def _is_picture(path: Path) -> bool:
-    return path.suffix.lower() in SUFFIXES and not any(part.startswith((".", "__")) for part in path.parts)
+    return path.suffix.lower() in SUFFIXES and not is_hidden(path)
+
+
+def is_hidden(path: Path, folder: Path | None = None) -> bool:
+    """Whether a part of a path, below a folder, is hidden, or made by a system that hides it."""
+    below = path if folder is None else path.relative_to(folder)
+    return any(part.startswith((".", "__")) for part in below.parts)
 
 
 def unit_values(pixels: np.ndarray) -> np.ndarray:

@@ -233,7 +233,7 @@ def read_binvox(file: Path) -> Tensor:
     head, mark, body = file.read_bytes().partition(b"\ndata\n")
     lines = [line.split() for line in head.split(b"\n")]
     dims = [[int(n) for n in words[1:]] for words in lines if words[:1] == [b"dim"]]
-    if lines[0][:1] != [b"#binvox"] or not mark or len(dims) != 1 or len(dims[0]) != 3:
+    if lines[0][:1] != [b"#binvox"] or not mark or len(dims) != 1 or len(dims[0]) != 3 or min(dims[0]) < 1:
         raise ValueError("unreadable: no binvox header (#binvox, dim, data)")
     depth, height, width = dims[0]
     check_unpacked(file, max(dims[0]) ** 3)  # a cube

@@ -16,7 +16,7 @@ import numpy as np
 from ..._files import check_regular
 from .arrays import PICTURES, VOLUMES
 from .lines import LINES, SINOGRAMS
-from .paths import holds_only_shapes
+from .paths import holds_shapes
 from .pictures import SUFFIXES, picture_files
 from .shapes import is_shape_archive, split_selector
 from .stored import StoredArrays, header_of
@@ -57,13 +57,13 @@ def picture_count(path: str | os.PathLike[str]) -> int | None:
     """
     path = Path(path)
     if path.is_dir():
-        return None if holds_only_shapes(path) else len(picture_files(path))
+        return None if holds_shapes(path) else len(picture_files(path))
     columns = _columns_of_pack(path)
     return None if columns is None else len(columns["names"]) + len(columns["skipped"])
 
 
 def _of_folder(path: Path) -> int | None:
-    if holds_only_shapes(path):
+    if holds_shapes(path):
         return _median(sorted(path.rglob("*.binvox")), _of_binvox)
     return _median(picture_files(path), _of_picture)
 

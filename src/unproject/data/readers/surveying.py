@@ -10,9 +10,11 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing.pool import Pool, ThreadPool
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from typing import NamedTuple
 
@@ -92,21 +94,30 @@ def _workers(read: Read, count: int) -> Iterator[Results]:
     if count < MANY or cores() == 1 or multiprocessing.current_process().daemon:
         yield lambda files: (_attempt(read, file) for file in files)
     elif sys.platform == "linux":
-        with _forked(read) as pool:
-            yield lambda files: _imap(pool, _attempt_here, files)
+        fork = multiprocessing.get_context("fork")
+        processes = ProcessPoolExecutor(cores(), fork, _begin_worker, (read, os.getpid()))
+        try:
+            yield lambda files: _in_processes(processes, files)
+        finally:
+            processes.shutdown(cancel_futures=True)
     else:
         with ThreadPool(cores()) as threads:
-            yield lambda files: _imap(threads, lambda file: _attempt(read, file), files)
+            yield lambda files: threads.imap(lambda file: _attempt(read, file), files, AT_ONCE)
 
 
-def _forked(read: Read) -> Pool:
+def _in_processes(processes: ProcessPoolExecutor, files: Sequence[Path]) -> Iterator[Item | str]:
+    """Yield what files became.
+
+    Raises:
+        UserError: if a process was killed, as the system does when memory runs out.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads: workers use none of torch's
-        return multiprocessing.get_context("fork").Pool(cores(), _begin_worker, (read, os.getpid()))
-
-
-def _imap(pool: Pool, attempt: Callable[[Path], Item | str], files: Sequence[Path]) -> Iterator[Item | str]:
-    return pool.imap(attempt, files, AT_ONCE)
+        found = processes.map(_attempt_here, files, chunksize=AT_ONCE)
+    try:
+        yield from found
+    except BrokenProcessPool:
+        raise UserError("a process that reads pictures was killed; free memory, or give smaller pictures") from None
 
 
 def _attempt(read: Read, file: Path) -> Item | str:

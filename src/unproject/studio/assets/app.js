@@ -82,10 +82,16 @@ export function keep(changes) {
 
 // Calls work() now and every so many seconds while the panel is open and seen; returns what stops it.
 export function repeatedly(seconds, work) {
-  let going = true, timer;
+  let going = true, failed = false, timer;
   async function next() {
     if (!going) return;
-    if (!document.hidden) { try { await work(); } catch (error) { if (going) say(error); } }
+    if (!document.hidden) {
+      try {
+        await work();
+        if (failed && going) say(null); // the studio answers again
+        failed = false;
+      } catch (error) { if (going) { say(error); failed = true; } }
+    }
     if (going) timer = setTimeout(next, 1000 * seconds);
   }
   next();

@@ -84,6 +84,7 @@ function collections(root, query) {
   }
   async function refresh() { await collection(); await pictures(); say(null); }
   function all() {
+    correction.hidden = true; // it is of a picture that was shown before
     keep({ panel: at.panel || "", view: at.view < 0 ? "" : at.view, page: at.page || "" });
     refresh().catch(say);
   }

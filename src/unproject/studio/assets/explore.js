@@ -35,12 +35,14 @@ function explore(root, query) {
     draw(null);
   }
   fillControls(controls, place, changed);
-  draw(null).then(() => fillGrid(grid, query, place, changed)).then((found) => {
+  let closed = false;
+  draw(null).then(() => closed ? null : fillGrid(grid, query, place, changed)).then((found) => {
+    if (closed) return;
     const bar = exportBar(found.formats, "glb", "/api/export", asked);
     bar.append(pictureButton(() => stage.querySelector("canvas"), () => `${query.run}-${String(place.pick).padStart(2, "0")}-view`));
     controls.append(make("h2", "Export"), bar);
   }).catch(say);
-  return () => { newer.stop(); view.close(); };
+  return () => { closed = true; newer.stop(); view.close(); };
 }
 
 const HOW = { shapes: "Drag it, or arrow keys.", materials: "Point at it to move the light, or arrow keys." };

@@ -63,6 +63,7 @@ function fits(root, query) {
     found.hidden = false;
   }
   function begin(fit) {
+    if (shown && shown !== fit) ask("/api/stop", { fit: shown }, { method: "POST", body: "" }).catch(() => {}); // nobody looks at it any more
     [shown, chosen] = [fit, 0];
     intro.hidden = true;
     keep({ fit });
