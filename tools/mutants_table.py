@@ -1895,8 +1895,8 @@ TRAINING = (
     mutant(
         "priors: an angle that is drawn is not the edge it is on",
         "projections/priors.py",
-        "GRID = 2**20",
-        "GRID = 2**40",
+        "GRID, SINGLE = 2**40, 2**20",
+        "GRID, SINGLE = 2**40, 2**40",
         "projections/test_priors.py",
     ),
     mutant(

@@ -66,11 +66,18 @@ def test_a_part_that_cannot_be_described_leaves_nothing_behind(tmp_path: Path) -
 
 
 def test_a_run_that_goes_on_has_no_verdict_of_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However it ends: here by an error at its next step."""
-    recipe = toy(views="known", steps=1)
+    """However it ends; one that has no newer checkpoint keeps it."""
+    recipe = toy(views="known", steps=1, checkpoint_every=1)
     run = train(recipe, tmp_path / "run", quiet=True).path
     write_json(run / VERDICT, {"step": 1})
-    monkeypatch.setattr(Trainer, "step", lambda self: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        resume(run, recipe, steps=2, quiet=True)
+    step = Trainer.step
+
+    def failing_at(last: int) -> None:
+        monkeypatch.setattr(Trainer, "step", lambda self: step(self) if self.state.counters.step < last else 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            resume(run, recipe, steps=3, quiet=True)
+
+    failing_at(1)
+    assert (run / VERDICT).exists()
+    failing_at(2)
     assert not (run / VERDICT).exists()

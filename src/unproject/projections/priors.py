@@ -13,8 +13,8 @@ from torch import Tensor
 from .._types import UserError
 
 TURN = 2 * math.pi
-GRID = 2**20
-"""Places in a period that are told apart: fewer than float32 does, so that an edge is where a value on it is."""
+GRID, SINGLE = 2**40, 2**20
+"""Places in a period that are told apart; of a single value so few that rounding to float32 does not count."""
 
 
 class Prior(ABC):
@@ -84,8 +84,9 @@ class Uniform(Prior):
         value = latents[self.name]
         if self.period is None:
             return (value >= self.low) & ((value < self.high) | (value == self.low))
-        low, high = (round(edge / self.period * GRID) for edge in (self.low, self.high))
-        above_low = ((value.double() / self.period * GRID).round().long() - low) % GRID
+        grid = GRID if self.low < self.high else SINGLE
+        low, high = (round(edge / self.period * grid) for edge in (self.low, self.high))
+        above_low = ((value.double() / self.period * grid).round().long() - low) % grid
         return (above_low < high - low) | (above_low == 0)
 
 

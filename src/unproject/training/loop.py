@@ -138,8 +138,6 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
     with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
         going = True
-        if distribution.leads:
-            (out / run_directory.VERDICT).unlink(missing_ok=True)  # it is of fewer steps, or made again
         while going:
             try:
                 going = trainer.progress() < 1 and not trainer.stopping()

@@ -26,6 +26,7 @@ from .health import EVERY, check, check_finite, diversity
 from .overfitting import adapt, held_out_logits
 from .recipe import Recipe
 from .recorder import Recorder
+from .run_directory import VERDICT
 from .state import PanelState, State
 from .training_context import TrainingContext
 
@@ -251,6 +252,7 @@ class Trainer:
         check_finite(counters.step, tensors, self.distribution.agree)
         if self.distribution.leads:
             checkpoint.save(self.out / "checkpoints", counters.step, tensors)
+            (self.out / VERDICT).unlink(missing_ok=True)  # it is of fewer steps
             samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
             self.state.domain.write_preview(samples, self.out / "samples" / f"step-{counters.step:09d}.png")
         self.distribution.barrier()
