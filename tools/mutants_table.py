@@ -2254,10 +2254,10 @@ VERDICTS = (
     ),
     mutant(
         "verdict: stays when training goes on",
-        "training/loop.py",
-        "(out / run_directory.VERDICT).unlink(missing_ok=True)",
+        "training/trainer.py",
+        "(self.out / VERDICT).unlink(missing_ok=True)",
         "pass",
-        "training/test_verdict.py::test_the_command_says_and_writes_the_verdict",
+        "training/test_run_directory.py",
     ),
 )
 
