@@ -24,6 +24,7 @@ from unproject.recipes import names
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.training import Recipe, resume, train
+from unproject.training.evaluation import projected
 from unproject.training.state import State
 
 TOY = {"size": 16, "steps": 2, "batch": 4, "channels": 16, "discriminator_channels": 4}
@@ -200,3 +201,22 @@ def test_a_toy_run_from_the_command_line(name: str, tmp_path: Path, capsys: pyte
 def test_the_recipes_are_listed() -> None:
     assert {"wood", "metal", "plastic", "wood-paper", "metal-paper", "plastic-paper"} <= set(names())
     assert set(VIEWED_FROM) == {"top", "grazing", "flash", "lamp", "raking", "coloured", "ambient"}
+
+
+def test_photographs_are_standardised_before_they_are_compared(tmp_path: Path) -> None:
+    """Of maps and photographs of one shape nobody can tell which are meant."""
+    recipe = wood_materials(observations=("flash",), renderings=12, **TOY)
+    run = train(recipe, tmp_path / "run", quiet=True)
+    (panel,) = recipe.panels
+    scene = panel.projection
+    assert isinstance(scene, Standardised)
+    trained_on = panel.batch(torch.arange(12))
+    (state,) = run.assignments(recipe)
+    expected = run.domain.projection_scores(projected(state, run.sample(12), 0), trained_on, 0)
+    found = run.evaluate(scene.restore(trained_on), n=12)
+    assert expected
+    for name, score in expected.items():
+        assert found[name].value == pytest.approx(score.value, rel=1e-3)
+    several = wood_materials(observations=("diffuse", "flash"), maps=4, renderings=4, **TOY)
+    with pytest.raises(UserError, match="may be pictures of any of diffuse, flash"):
+        train(several, tmp_path / "several", quiet=True).evaluate(trained_on, n=4)

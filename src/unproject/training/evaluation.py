@@ -14,6 +14,7 @@ from ..assignment import AssignmentState, Panel, PredictorFit
 from ..domains import Domain
 from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
+from ..projections.standardised import Standardised
 
 LEAST = 6
 """Images that a panel's projections are compared with, at least."""
@@ -31,7 +32,7 @@ def sample_scores(
     """Score n samples by themselves, and against references or their projections against projections.
 
     Raises:
-        UserError: if the references have the shape of neither.
+        UserError: if the references have the shape of neither, or of the pictures of several panels.
     """
     x = generator.sample(n, seed)
     if reference.shape[1:] == x.shape[1:]:
@@ -42,7 +43,12 @@ def sample_scores(
         raise UserError(
             f"the references are of shape {tuple(reference.shape[1:])}; give samples or projections, of shape {shapes}"
         )
-    prepared = fitting[0].panel.projection.prepare(reference)
+    if len(fitting) > 1:
+        names = ", ".join(state.panel.observations[0].name for state in fitting)
+        raise UserError(f"the references may be pictures of any of {names}; give samples")
+    projection = fitting[0].panel.projection
+    given = projection.standardise(reference) if isinstance(projection, Standardised) else reference
+    prepared = projection.prepare(given)
     return domain.projection_scores(projected(fitting[0], x, seed), prepared, seed) | domain.checks(x, seed)
 
 
