@@ -170,9 +170,11 @@ def test_each_gradient_is_that_of_the_integral(b: int, gradient: str) -> None:
     assert (error[:4].amax() < 0.02 * exact[0, :4].amax()).all()  # and that says something
 
 
-def test_differences_are_the_fixed_gradient() -> None:
-    """The same samples on both sides: only the second order of a step of 0.001 is left."""
+@pytest.mark.parametrize("length", [1.0, 2.0])
+def test_differences_are_the_fixed_gradient(length: float) -> None:
+    """The same samples on both sides: only the second order of a step of 0.001 is left. Normals may be of any length."""
     x, toward, light = maps(3, 2, 4), camera(3, 2), natural(3, 5.0)
+    x[:, 5:] *= length
     found = []
     for gradient in ("fixed", "differences"):
         leaf = x.clone().requires_grad_()

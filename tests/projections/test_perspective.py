@@ -172,3 +172,9 @@ def test_the_fixed_pinhole_rolls_but_stays() -> None:
     torch.testing.assert_close(look(x, azimuth=azimuth, roll=quarter), look(x, azimuth=azimuth).rot90(1, (2, 3)))
     with pytest.raises(UserError, match="this pinhole has its `distance`"):
         look(x, azimuth=azimuth, perspective=torch.full((2,), 0.1))
+
+
+@pytest.mark.parametrize("camera", ["orthographic", "perspective"])
+def test_a_batch_of_nothing_has_no_silhouettes(camera: Any) -> None:
+    y = Silhouette(size=8, camera=camera)(torch.zeros(0, 8, 8, 8), azimuth=torch.zeros(0))
+    assert y.shape == (0, 1, 8, 8)

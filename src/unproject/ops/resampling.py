@@ -55,7 +55,7 @@ def sample_volume(x: Tensor, points: Tensor) -> Tensor:
         >>> up.ops.sample_volume(volume, torch.tensor([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]]))
         tensor([[1., 0.]])
     """
-    grid = points.flip(-1).reshape(len(points), -1, 1, 1, 3)
+    grid = points.flip(-1).flatten(1, -2)[:, :, None, None]
     values = F.grid_sample(x.unsqueeze(1), grid.to(x), align_corners=False)
     return values.reshape(points.shape[:-1])
 

@@ -233,7 +233,7 @@ def _estimate(
         return (value * radiance * weight[..., None]).sum(2)
 
     counts = diffuse_counts(drawn_from, plan.lobes)
-    size = max(1, CHUNK // (maps.shape[0] * maps.shape[2] * maps.shape[3]))
+    size = max(1, CHUNK // max(1, maps.shape[0] * maps.shape[2] * maps.shape[3]))
     keep = torch.is_grad_enabled() and maps.requires_grad
     total = maps.new_zeros(len(maps), maps.shape[2] * maps.shape[3], 3)
     for chunk, of_light in _chunks(plan, size, maps.device):
