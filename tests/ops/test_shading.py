@@ -172,7 +172,7 @@ def test_each_gradient_is_that_of_the_integral(b: int, gradient: str) -> None:
 
 @pytest.mark.parametrize("length", [1.0, 2.0])
 def test_differences_are_the_fixed_gradient(length: float) -> None:
-    """The same samples on both sides: only the second order of a step of 0.001 is left. Normals may be of any length."""
+    """The same samples on both sides: only the second order of a step of 0.001 is left; for normals of any length."""
     x, toward, light = maps(3, 2, 4), camera(3, 2), natural(3, 5.0)
     x[:, 5:] *= length
     found = []
