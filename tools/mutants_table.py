@@ -1890,7 +1890,7 @@ TRAINING = (
         "training/fitted_pictures.py",
         'r"#\\d+$"',
         'r"#.*"',
-        "cli/test_fit.py",
+        "cli/test_fit.py::test_names_with_a_number_sign_are_objects_of_their_own",
     ),
     mutant(
         "priors: an angle that is drawn is not the edge it is on",
