@@ -2225,6 +2225,13 @@ VERDICTS = (
         "training/test_verdict.py::test_pictures_of_the_same_object_are_near",
     ),
     mutant(
+        "verdict: what lay near a held-out picture counts as another object",
+        "training/verdict.py",
+        "(places[:, None] - others[None]).abs() <= min(NEAR, MOST_NEAR * len(panel))",
+        "(places[:, None] - others[None]).abs() < 0",
+        "training/test_verdict.py::test_what_lay_near_a_held_out_picture_may_show_its_object",
+    ),
+    mutant(
         "verdict: held-out pictures are not used",
         "training/verdict.py",
         "panel.batch(rows) if panel.held_out is None else panel.held_out.batch(rows)",

@@ -19,7 +19,7 @@ from unproject.domains import Volumes
 from unproject.metrics import Finding, Score
 from unproject.training import Run, Verdict, resume, train
 from unproject.training import verdict as module
-from unproject.training.verdict import are_near, evidence, held_out_images, judge
+from unproject.training.verdict import MOST_NEAR, are_near, evidence, held_out_images, held_out_near, judge
 
 RECIPE = toy(steps=2)
 TOY = f"{Path(__file__).parent / 'toy.py'}:toy"
@@ -96,6 +96,23 @@ def test_pictures_of_the_same_object_are_near() -> None:
     two = Panel(panel.observations[:2], apart)
     near = are_near(two, torch.tensor([0, 29]), torch.tensor([10, 20, 29]))
     assert near.tolist() == [[True, False, False], [False, False, True]]  # row 10 begins the second collection
+
+
+@pytest.mark.parametrize("names, near", [("{:05d}", True), ("chair_{:05d}#0", False), ("{:d}", False)])
+def test_what_lay_near_a_held_out_picture_may_show_its_object(names: str, near: bool) -> None:
+    """Unless names tell the object, or are in no order."""
+    panel = only_panel(RECIPE)
+    count = len(panel)
+    collection = Collection(panel.batch(torch.arange(count)), names=[names.format(n) for n in range(count)])
+    kept, held_out = collection.subset([n for n in range(count) if n not in (20, 21)]), collection.subset([20, 21])
+    panel = Panel(panel.observations, kept, panel.assignment, held_out=held_out)
+    found = held_out_near(panel, torch.arange(2), torch.arange(count - 2))
+    if not near:
+        assert not found.any()
+        return
+    within = int(MOST_NEAR * (count - 2))
+    assert found[0].nonzero()[:, 0].tolist() == list(range(20 - within, 20 + within + 1))
+    assert torch.equal(found[0], found[1])
 
 
 def test_as_many_projections_as_training_pictures_that_count(run: Run) -> None:

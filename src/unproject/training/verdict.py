@@ -6,14 +6,17 @@ Assignments judge views, domains judge samples and their projections (`findings`
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import torch
 from torch import Tensor
 
 from .._random import generator_at
 from ..assignment import AssignmentState, Panel
+from ..data.splitting import RENDERED
 from ..domains import Domain
 from ..domains.evidence import Evidence
 from ..metrics import WORDS, Finding, Score, Word, worst
@@ -105,7 +108,7 @@ def evidence(state: AssignmentState, x: Tensor, seed: int) -> Evidence:
     real, rows = held_out_images(panel, seed)
     others = torch.randperm(len(panel), generator=rng)[: SAMPLES * VIEWS_EACH]
     trained_on = panel.held_out is None
-    apart = ~are_near(panel, rows, others) if trained_on else torch.ones(len(real), len(others), dtype=torch.bool)
+    apart = ~(are_near(panel, rows, others) if trained_on else held_out_near(panel, rows, others))
     count = max(1, round(apart.float().sum(1).mean().item()))
     views = state.draw_views(count, rng)
     turns = zip((torch.arange(count) % len(x)).split(AT_ONCE), views.split(AT_ONCE), strict=True)
@@ -121,6 +124,21 @@ def held_out_images(panel: Panel, seed: int) -> tuple[Tensor, Tensor]:
     count = len(panel if panel.held_out is None else panel.held_out)
     rows = torch.randperm(count, generator=generator_at(seed, 0, "held out"))[:REAL]
     return panel.batch(rows) if panel.held_out is None else panel.held_out.batch(rows), rows
+
+
+def held_out_near(panel: Panel, rows: Tensor, others: Tensor) -> Tensor:
+    """Return (R, O), whether a held-out row was near a training row in the order of their collection.
+
+    Blocks of at most 16 neighbours are held out, of whose object there may be further pictures. Where names tell the
+    object (`data.splitting`), or are in no order, none counts as near.
+    """
+    assert panel.held_out is not None
+    names = panel.collections[0].names
+    unknown = len(panel.collections) > 1 or any(RENDERED.search(name) for name in names)
+    if unknown or any(a > b for a, b in pairwise(names)):
+        return torch.zeros(len(rows), len(others), dtype=torch.bool)
+    places = torch.tensor([bisect(names, panel.held_out.names[row]) for row in rows.tolist()])
+    return (places[:, None] - others[None]).abs() <= min(NEAR, MOST_NEAR * len(panel))
 
 
 def are_near(panel: Panel, rows: Tensor, others: Tensor) -> Tensor:
