@@ -238,8 +238,11 @@ def _in_file(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
     white, framing = white_of(pictures), how.framing or AS_GIVEN
     if how.images:
         factor = EIGHT_BITS if white == 1 and not pictures.is_floating_point() else 1
-        change = lambda x: as_images(x * factor, how.size, how.colour)  # noqa: E731
-        return found._replace(items=Lazy(pictures, change=change), white=EIGHT_BITS)
+
+        def grey(some: Tensor) -> Tensor:
+            return as_images(some * factor, how.size, how.colour)
+
+        return found._replace(items=Lazy(pictures, change=grey), white=EIGHT_BITS)
     size = how.size or max(pictures.shape[2:])
     if pictures.shape[1:] == (1, size, size) and framing == AS_GIVEN:
         return found._replace(items=Lazy(pictures), white=white)
