@@ -234,6 +234,14 @@ class Rounded(Honest):
         return x.round().sum(-1) * (x * 0 + 1).sum(-1)
 
 
+class HalfDetached(Honest):
+    """The derivative by θ lacks a part: one of the two places that θ has is detached."""
+
+    def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
+        turned = azimuth.view(-1, 1, 1)
+        return absorption(x) * turned.cos() * turned.detach().sin()
+
+
 class Affine(Honest):
     linear = True
 
@@ -271,6 +279,7 @@ PROJECTION_MUTANTS = [
     (LogarithmOfNothing, "finite"),
     (Detached, "differentiable"),
     (Rounded, "differentiable"),
+    (HalfDetached, "latents"),
     (Affine, "superposition"),
     (WrongAdjoint, "adjoint"),
 ]
@@ -291,7 +300,7 @@ def test_what_the_mutants_spoil_is_right(part: Projection) -> None:
 
 
 def test_the_error_names_law_measurement_and_cause() -> None:
-    with pytest.raises(LawError, match=r"(?s)Noisy breaks 1 of 10 laws.*- pure: .*differ by \d.*Likely cause: .*prior"):
+    with pytest.raises(LawError, match=r"(?s)Noisy breaks 1 of 11 laws.*- pure: .*differ by \d.*Likely cause: .*prior"):
         check_projection(Noisy())
 
 

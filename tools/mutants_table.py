@@ -1452,6 +1452,13 @@ LAWS = (
         "test_laws.py::test_precisely_that_law_catches_the_projection",
     ),
     mutant(
+        "laws: 'latents' compares no derivative",
+        "testing/projections.py",
+        '_check_gradient(project, value, y, f" of {name}")',
+        "pass",
+        "test_laws.py::test_precisely_that_law_catches_the_projection",
+    ),
+    mutant(
         "laws: 'adjoint' asks autograd although there is an adjoint",
         "testing/projections.py",
         'if hasattr(case.projection, "adjoint"):',
@@ -1881,8 +1888,8 @@ TRAINING = (
     mutant(
         "laws: small gradients are not compared",
         "testing/projections.py",
-        "case.project(x) / scale",
-        "case.project(x)",
+        "function(value) / scale",
+        "function(value)",
         "test_laws.py",
     ),
     mutant(

@@ -57,7 +57,7 @@ def check_projection(part: Projection | Observation, example: Tensor | None = No
         >>> up.testing.check_projection(Normalised())
         Traceback (most recent call last):
         ...
-        unproject.testing.laws.LawError: Normalised breaks 4 of 10 laws tried
+        unproject.testing.laws.LawError: Normalised breaks 4 of 11 laws tried
         ...
     """
     raise_broken(part, apply_laws(PROJECTION_LAWS, projection_case(part, example, seed)))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -17,6 +18,8 @@ from ..projections.priors import Product, Uniform
 from .laws import Law, LawError, equal, global_seed, need, same
 
 BATCH = 3
+NUDGE = 1e-3
+"""How far from what a prior draws derivatives by latents are compared."""
 
 
 @dataclass(frozen=True)
@@ -109,12 +112,34 @@ def _differentiable(case: ProjectionCase) -> str:
     weight = torch.rand(y.shape, generator=generator_at(1), dtype=y.dtype)
     (gradient,) = torch.autograd.grad(y, x, weight)
     need(bool(gradient.any()), "the gradient is 0 everywhere")
-    scale = y.detach().abs().max().clamp_min(1e-30)  # its tolerance is absolute
-    try:
-        gradcheck(lambda x: case.project(x) / scale, (x,), fast_mode=True, nondet_tol=1e-9)
-    except GradcheckError as error:
-        raise LawError("gradcheck says " + " ".join(str(error).split())[:200]) from error
+    _check_gradient(case.project, x, y)
     return "gradcheck in float64"
+
+
+def _latents(case: ProjectionCase) -> str:
+    found = []
+    for name, value in case.theta.items():
+
+        def project(value: Tensor, name: str = name) -> Tensor:
+            return replace(case, theta={**case.theta, name: value}).project()
+
+        # Aside of where samples of rays lie on voxels, as at elevation 0, which is a kink of interpolation.
+        aside = NUDGE * torch.rand(value.shape, generator=generator_at(2), dtype=value.dtype)
+        value = (value + aside).requires_grad_()
+        y = project(value)
+        if y.requires_grad:
+            _check_gradient(project, value, y, f" of {name}")
+            found.append(name)
+    return f"of {', '.join(found)}, gradcheck in float64" if found else "none has a gradient"
+
+
+def _check_gradient(function: Callable[[Tensor], Tensor], at: Tensor, y: Tensor, of: str = "") -> None:
+    """Require the gradient of `function`, which is y there, to be the derivative by finite differences."""
+    scale = y.detach().abs().max().clamp_min(1e-30)  # gradcheck's tolerance is absolute
+    try:
+        gradcheck(lambda value: function(value) / scale, (at,), fast_mode=True, nondet_tol=1e-9)
+    except GradcheckError as error:
+        raise LawError(f"gradcheck{of} says " + " ".join(str(error).split())[:200]) from error
 
 
 def _superposition(case: ProjectionCase) -> str:
@@ -155,6 +180,9 @@ PROJECTION_LAWS: tuple[Law[ProjectionCase], ...] = (
         "a division, logarithm or root at its singular point", _finite),
     Law("differentiable", "the gradient in x is the derivative of the values",
         "a detach, round or comparison, .item() or numpy, or a hand-written backward", _differentiable),
+    Law("latents", "where y has a gradient in a latent, it is the derivative of the values",
+        "a hand-written backward, or a detach of a part that depends on θ; detach θ whole if it is not to be learned",
+        _latents),
     Law("superposition", "P(ax + bx') = aP(x) + bP(x') where linear = True",
         "an offset, clamp or normalisation: set linear = False", _superposition),
     Law("adjoint", "<Ax, y> = <x, Aᵀy> where linear = True (Aᵀ is `adjoint` if defined, else autograd's)",
