@@ -1452,6 +1452,13 @@ LAWS = (
         "test_laws.py::test_precisely_that_law_catches_the_projection",
     ),
     mutant(
+        "machine: large blocks lie in heaps",
+        "cli/_machine.py",
+        "set_option(M_MMAP_THRESHOLD, LARGE)",
+        "pass",
+        "cli/test_machine.py",
+    ),
+    mutant(
         "laws: 'latents' compares no derivative",
         "testing/projections.py",
         '_check_gradient(project, value, y, f" of {name}")',

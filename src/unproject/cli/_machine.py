@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 MOST_THREADS = 1024
 """More take the machine's memory for their stacks, and end the process."""
 
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
+"""Options of glibc's mallopt (malloc.h)."""
+LARGE = 2**20
+
 
 def use_threads(threads: int | None) -> None:
     """Let torch use this many threads; None leaves its own choice."""
@@ -29,6 +33,23 @@ def use_threads(threads: int | None) -> None:
     import torch
 
     torch.set_num_threads(threads)
+
+
+def return_memory() -> None:
+    """Let freed memory go back to the system, for a program that runs for hours: by glibc's own choice much stays.
+
+    Once a large block was freed, glibc takes blocks of its size from heaps, of which each thread has one, and returns
+    only what is free at a heap's end. Here blocks of `LARGE` bytes or more are mapped one by one, and heaps are two.
+    Other systems' allocators are left as they are.
+    """
+    if sys.platform != "linux":
+        return
+    import ctypes
+
+    set_option = getattr(ctypes.CDLL(None), "mallopt", None)  # musl has none
+    if set_option is not None:
+        set_option(M_MMAP_THRESHOLD, LARGE)
+        set_option(M_ARENA_MAX, 2)
 
 
 def say(line: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ._machine import use_threads
+from ._machine import return_memory, use_threads
 
 
 def run(
@@ -34,6 +34,7 @@ def run(
     from ..studio import serve
 
     use_threads(threads)
+    return_memory()
     if example:
         put_example("chairs", folder)
     serve(folder, host, port, trust)
