@@ -14,7 +14,7 @@ from .listed import are_pictures, read_photographs, read_silhouettes
 from .mapping import mapped
 from .observing import observe
 from .packing import Packed, pack
-from .procedural.light import mixed_probes, procedural_probes
+from .procedural.light import daylight_probes, mixed_probes, procedural_probes
 from .procedural.materials.materials import correlated, metal, plastic, wood
 from .procedural.shapes.birds import birds
 from .procedural.shapes.cars import cars
@@ -54,6 +54,7 @@ __all__ = [
     "chair_parameters",
     "chairs",
     "correlated",
+    "daylight_probes",
     "digit_labels",
     "digits",
     "frame",

@@ -24,7 +24,7 @@ from .pictures import SUFFIXES, is_hidden
 
 FLOATING = (".exr", ".hdr")
 SMOOTHEST = 1e-3
-OBSERVATIONS = (*MAPS, "top", "grazing", "flash", "lamp", "raking", "coloured", "ambient")
+OBSERVATIONS = (*MAPS, "top", "grazing", "flash", "lamp", "raking", "coloured", "ambient", "daylight")
 """Names of sub-folders: maps, and photographs by their light and camera."""
 
 
