@@ -9,9 +9,10 @@ from .collection import Collection
 from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
-from .inspection import Inspection, inspect, inspect_materials
+from .inspection import Inspection, inspect
 from .listed import are_pictures, read_photographs, read_silhouettes
 from .mapping import mapped
+from .material_inspection import holds_materials, inspect_materials
 from .observing import observe
 from .packing import Packed, pack
 from .procedural.light import daylight_probes, mixed_probes, procedural_probes
@@ -21,8 +22,8 @@ from .procedural.shapes.cars import cars
 from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .readers.how import How
+from .readers.lights import OBSERVATIONS, photographed, refuse_unsorted, unsorted
 from .readers.patches import material_patches
-from .readers.photographs import OBSERVATIONS, photographed
 from .readers.probes import read_probe, read_probes, resample_probe
 from .readers.sides import picture_count, side_of
 from .readers.texture_maps import Convention
@@ -59,6 +60,7 @@ __all__ = [
     "digits",
     "frame",
     "get",
+    "holds_materials",
     "inspect",
     "inspect_materials",
     "mapped",
@@ -77,9 +79,11 @@ __all__ = [
     "read_probe",
     "read_probes",
     "read_silhouettes",
+    "refuse_unsorted",
     "resample_probe",
     "picture_count",
     "side_of",
+    "unsorted",
     "with_flips",
     "wood",
 ]

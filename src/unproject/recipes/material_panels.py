@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -21,6 +22,8 @@ from ..data import (
     photographed,
     procedural_probes,
     read_probes,
+    refuse_unsorted,
+    unsorted,
 )
 from ..ops.maps import MAPS
 from ..ops.microfacet import Reflection
@@ -41,7 +44,7 @@ MIRRORED = {
     "top": ((2, 3),),
 }
 """Axes along which the image of an observation may be flipped: the result is an image of the mirrored material. Natural
-light has no mirror image, but may be turned by half a turn, and daylight that nobody measured is as likely as its mirror
+light has no mirror image, but may be turned by half a turn; daylight that nobody measured is as likely as its mirror
 image; cameras are within 5° of the normal."""
 LAMPS = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), math.pi)}
 """Angles of fixed lamps from the normal, and around it, in radians."""
@@ -74,8 +77,9 @@ Source = Callable[[Observation, int], Tensor]
 def source_of(procedural: Materials, data: Path | None, size: int, seed: int) -> Source:
     """Return where images come from: a procedural data set, the materials of `data`, or folders of pictures."""
     if data is not None and are_photographs(data):
+        _warn_unsorted(data)
         return lambda observation, count: _first(
-            Collection.photographs(data, observation.name, size).floats(), count, seed
+            Collection.photographs(data, observation.name, size).warn_skipped().floats(), count, seed
         )
     found = None if data is None else textures_of(data, size)
 
@@ -94,8 +98,21 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int) ->
     return images
 
 
+def _warn_unsorted(data: Path) -> None:
+    """Warn of pictures that no observation is made of."""
+    found = unsorted(data)
+    if found:
+        file, reason = next(iter(found.items()))
+        warnings.warn(f"{data}: {len(found)} pictures are not used, the first: {file.name}: {reason}", stacklevel=2)
+
+
 def textures_of(data: Path, size: int) -> Tensor:
-    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them."""
+    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them.
+
+    Raises:
+        UserError: for photographs that say nothing of their light, or if there is no material.
+    """
+    refuse_unsorted(data)
     return Collection.materials(data, None if data.suffix == ".npz" else ENLARGED * size).warn_skipped().floats()
 
 
