@@ -3427,6 +3427,86 @@ TRUST = (
     ),
 )
 
+PHOTOGRAPHED = (
+    mutant(
+        "photographs: those of unknown light are taken for textures",
+        "data/readers/lights.py",
+        "    if not files or any(candidates(folder)",
+        "    if True or any(candidates(folder)",
+        "data/readers/test_lights.py::test_a_flat_folder_of_photographs_is_told_where_to_put_them",
+    ),
+    mutant(
+        "photographs: textures whose names are wrong are taken for photographs",
+        "data/readers/lights.py",
+        "    if not files or any(candidates(folder)",
+        "    if not files or all(not candidates(folder)",
+        "data/readers/test_lights.py::test_pictures_that_are_named_as_maps_are_left_to_their_reader",
+    ),
+    mutant(
+        "photographs: those beside the sub-folders are forgotten",
+        "data/readers/lights.py",
+        "        if not below:\n",
+        "        if below:\n",
+        "data/readers/test_lights.py::test_pictures_beside_the_sub_folders_are_named_with_the_reason",
+    ),
+    mutant(
+        "photographs: what is there already is called the greatest help",
+        "data/readers/lights.py",
+        "name for name in FIRST if name not in taken",
+        "name for name in FIRST if name in taken",
+        "data/readers/test_lights.py::test_what_photographs_show_and_what_to_add",
+    ),
+    mutant(
+        "photographs: damaged ones are left out in silence",
+        "recipes/material_panels.py",
+        "observation.name, size).warn_skipped().floats()",
+        "observation.name, size).floats()",
+        "recipes/test_materials.py::test_photographs_that_are_not_used_are_warned_of",
+    ),
+    mutant(
+        "photographs: mirror images of daylight are left out",
+        "recipes/material_panels.py",
+        '"ambient", "daylight", "itself")',
+        '"ambient", "itself")',
+        "recipes/test_materials.py::test_daylight_is_learned_from_its_mirror_images_too",
+    ),
+    mutant(
+        "inspect: silhouettes of lamps are materials",
+        "data/material_inspection.py",
+        'UNCLEAR = frozenset({"top", "normal", "lamp"})',
+        'UNCLEAR = frozenset({"top", "normal"})',
+        "data/test_material_inspection.py::test_silhouettes_are_no_materials",
+    ),
+    mutant(
+        "inspect: textures of meshes are materials",
+        "data/material_inspection.py",
+        "    if any(file.suffix.lower() in SHAPES for file in below):",
+        "    if False:",
+        "data/test_material_inspection.py::test_silhouettes_are_no_materials",
+    ),
+    mutant(
+        "inspect: materials are read as silhouettes unless told",
+        "cli/data.py",
+        'return "wood" if framing is None and holds_materials(path) else "shapes"',
+        'return "shapes"',
+        "data/test_material_inspection.py::test_paths_that_clearly_hold_materials_need_no_recipe",
+    ),
+    mutant(
+        "sheet: normals are shown from -1 to 1",
+        "cli/_sheets.py",
+        'items / 2 + 0.5 if name == "normal" else items',
+        "items",
+        "data/test_material_inspection.py::test_folders_of_photographs_are_shown_in_colour_a_row_for_each",
+    ),
+    mutant(
+        "sheet: a group is drawn over the one before",
+        "export/pictures.py",
+        "        top += _CAPTION + count * cell",
+        "        top += _CAPTION",
+        "data/test_material_inspection.py::test_folders_of_photographs_are_shown_in_colour_a_row_for_each",
+    ),
+)
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -3447,6 +3527,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *TRAINING,
     *VERDICTS,
     *PHOTOGRAPHS,
+    *PHOTOGRAPHED,
     *ANY_CLASS,
     *SIZES,
     *CHOICES,

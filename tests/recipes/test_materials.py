@@ -179,6 +179,27 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         wood_materials(data=tmp_path, observations=("normal", "top"), **TOY)
 
 
+def test_photographs_that_are_not_used_are_warned_of(tmp_path: Path) -> None:
+    for name in ("daylight/a.png", "colored/b.png"):
+        (tmp_path / name).parent.mkdir()
+        Image.new("RGB", (16, 16), (150, 90, 60)).save(tmp_path / name)
+    (tmp_path / "daylight" / "c.png").write_bytes(b"no picture")
+    with pytest.warns(UserWarning) as warned:
+        found = panels(wood_materials(data=tmp_path, **TOY))
+    assert [(name, len(panel)) for name, panel in found.items()] == [("daylight", 1)]
+    said = [str(one.message) for one in warned]
+    assert len(said) == 2 and "not used: 1, the first: b.png" in said[0] and "'coloured'" in said[0]
+    assert "1 of 2 skipped, the first: daylight/c.png" in said[1]
+
+
+def test_daylight_is_learned_from_its_mirror_images_too(tmp_path: Path) -> None:
+    (tmp_path / "daylight").mkdir()
+    for k in range(3):
+        Image.new("RGB", (16, 16), (150, 90, 60 + k)).save(tmp_path / "daylight" / f"{k}.png")
+    (panel,) = wood_materials(data=tmp_path, flips=True, **TOY).panels
+    assert len(panel) == 4 * 3
+
+
 def test_all_photographs_are_used_unless_a_number_is_given(tmp_path: Path) -> None:
     (tmp_path / "flash").mkdir()
     for k in range(260):
