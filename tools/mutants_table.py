@@ -3136,8 +3136,8 @@ SIZES = (
     mutant(
         "size: the longer side of a picture counts",
         "data/readers/sides.py",
-        "return min(picture.size)",
-        "return max(picture.size)",
+        "None if size is None else min(size)",
+        "None if size is None else max(size)",
         "recipes/test_sizes.py::test_of_a_folder_the_median_of_the_shorter_sides",
     ),
     mutant(

@@ -119,7 +119,7 @@ def test_daylight_needs_no_probes_and_comes_from_many_places() -> None:
     observed = observation_of("daylight", None, 64)
     theta = observed.prior.sample(256, torch.Generator().manual_seed(0))
     assert theta["probe"].long().unique().numel() > 32 and theta["view"].abs().max() <= math.radians(5)
-    paper = torch.tensor([0.5, 0.5, 0.5, 0, 0.5, 0, 0, 1]).view(1, 8, 1, 1).expand(256, 8, 4, 4)
+    paper = torch.tensor([0.5, 0.5, 0.5, 0, 0.5, 0, 0, 1]).view(1, 8, 1, 1).repeat(256, 1, 4, 4)
     seen = observed.projection(paper, **theta).mean((1, 2, 3))
     torch.testing.assert_close(seen, torch.full((256,), 0.5 ** (1 / 2.2)), atol=0.03, rtol=0)
     sides = []
