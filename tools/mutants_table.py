@@ -676,6 +676,13 @@ PROJECTIONS = (
         "data/readers/test_probes.py::test_the_mirror_image_of_daylight_is_that_light_turned",
     ),
     mutant(
+        "daylight: the source is half as strong",
+        "data/procedural/light.py",
+        "    share = cubed ** (1 / 3)",
+        "    share = cubed",
+        "data/readers/test_probes.py::test_daylight_shades_slopes_as_measured_light_does",
+    ),
+    mutant(
         "daylight: the source is always overhead",
         "data/procedural/light.py",
         "_dot(d, toward(theta, 0)) - 1",

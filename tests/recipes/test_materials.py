@@ -128,7 +128,7 @@ def test_daylight_needs_no_probes_and_comes_from_many_places() -> None:
         sides.append(observed.projection(paper, **theta).mean((1, 2, 3)).log())
     ratio = sides[0] - sides[1]
     assert abs(ratio.mean()) < 0.05 and (ratio > 0.1).float().mean() > 0.2 and (ratio < -0.1).float().mean() > 0.2
-    assert (ratio.abs() < 0.02).float().mean() > 0.1
+    assert (ratio.abs() < 0.02).float().mean() > 0.05
 
 
 def test_direct_training_sees_as_many_images() -> None:

@@ -103,7 +103,9 @@ def _warn_unsorted(data: Path) -> None:
     found = unsorted(data)
     if found:
         file, reason = next(iter(found.items()))
-        warnings.warn(f"{data}: pictures that are not used: {len(found)}, the first: {file.name}: {reason}", stacklevel=2)
+        warnings.warn(
+            f"{data}: pictures that are not used: {len(found)}, the first: {file.name}: {reason}", stacklevel=2
+        )
 
 
 def textures_of(data: Path, size: int) -> Tensor:
