@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from unproject._types import UserError
-from unproject.data import OBSERVATIONS, photographed, refuse_unsorted, unsorted
+from unproject.data import OBSERVATIONS, Collection, photographed, refuse_unsorted, unsorted
 from unproject.data.readers.lights import ELSE, FIRST, KINDS, showing
 
 
@@ -61,6 +61,21 @@ def test_pictures_beside_the_sub_folders_are_named_with_the_reason(tmp_path: Pat
     assert found["oak/c.png"].endswith("names neither a map nor a light")
     assert str(tmp_path / "daylight") in found["loose.jpg"]
     assert photographed(tmp_path) == ("flash",)
+
+
+def test_pictures_of_a_kind_that_is_not_read_are_named(tmp_path: Path) -> None:
+    put(tmp_path / "flash" / "a.jpg")
+    for name in ("flash/b.HEIC", "daylight/c.dng"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"whatever")
+    found = {file.name: reason for file, reason in unsorted(tmp_path).items()}
+    assert found == {
+        "b.HEIC": ".HEIC is not read; save it as .jpg, .png or .tif",
+        "c.dng": ".dng is not read; save it as .jpg, .png or .tif",
+    }
+    assert Collection.photographs(tmp_path, "flash", 16).names == ("flash/a.jpg",)
+    with pytest.raises(UserError, match="holds no picture that can be read: .dng is not, save it as .jpg"):
+        Collection.photographs(tmp_path, "daylight", 16)
 
 
 def test_what_photographs_show_and_what_to_add() -> None:

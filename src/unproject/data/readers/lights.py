@@ -19,6 +19,9 @@ from .texture_names import candidates
 
 FLOATING = (".exr", ".hdr")
 SUFFIXES = (*PICTURES, *FLOATING)
+UNREAD = (".heic", ".heif", ".avif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
+"""Of telephones and cameras, which no reader takes."""
+SAVE = "save it as .jpg, .png or .tif"
 ELSE = (
     "flash, coloured, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural light that "
     "you give by --probes)"
@@ -58,18 +61,23 @@ def photographed(path: Path) -> tuple[str, ...]:
     return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
 
 
-def picture_files(folder: Path) -> list[Path]:
+def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
     """The pictures in a folder and below it, sorted; hidden ones are none."""
     below = paths_below(folder) if folder.is_dir() else []
-    return [file for file in below if file.suffix.lower() in SUFFIXES and not is_hidden(file, folder)]
+    return [file for file in below if file.suffix.lower() in suffixes and not is_hidden(file, folder)]
 
 
 def unsorted(path: Path) -> dict[Path, str]:
-    """Return each picture of a folder that lies in no sub-folder named by an observation, and why it is not used."""
+    """Return each picture of a folder that no observation is made of, and why: nothing says its light, or it is unread.
+
+    Those that have a sub-folder and are damaged are not among them.
+    """
     found = {}
-    for file in picture_files(path):
+    for file in picture_files(path, (*SUFFIXES, *UNREAD)):
         first, *below = file.relative_to(path).parts
-        if not below:
+        if file.suffix.lower() in UNREAD:
+            found[file] = f"{file.suffix} is not read; {SAVE}"
+        elif not below:
             found[file] = f"lies in no sub-folder that says its light; move it into one, such as {path / 'daylight'}"
         elif first not in OBSERVATIONS:
             found[file] = f"{path / first}: names neither a map nor a light{nearest(first, OBSERVATIONS)}"

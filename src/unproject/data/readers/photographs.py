@@ -19,7 +19,7 @@ from ...ops.exposure import linear_from_srgb
 from ...ops.maps import MAPS
 from .found import Found
 from .framing import centred_square
-from .lights import picture_files
+from .lights import SAVE, UNREAD, picture_files
 
 SMOOTHEST = 1e-3
 
@@ -34,6 +34,8 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
     """
     folder = path / name
     files = picture_files(folder)
+    if not files and (unread := picture_files(folder, UNREAD)):
+        raise UserError(f"{folder}: holds no picture that can be read: {unread[0].suffix} is not, {SAVE}")
     if not files:
         raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")
     found: dict[str, Tensor] = {}
