@@ -46,9 +46,10 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
         except UserError as reason:
             if strict:
                 raise
-            skipped[file.relative_to(path).as_posix()] = str(reason)
+            skipped[file.relative_to(path).as_posix()] = str(reason).removeprefix(f"{file}: ")
     if not found:
-        raise UserError(f"{folder}: none of the {len(files)} pictures can be used ({next(iter(skipped.values()))})")
+        first = ": ".join(next(iter(skipped.items())))
+        raise UserError(f"{folder}: none of the {len(files)} pictures can be used ({first})")
     return Found(torch.stack([*found.values()]), tuple(found), None, tuple(skipped.items()), str(folder))
 
 
