@@ -3452,8 +3452,8 @@ PHOTOGRAPHED = (
     mutant(
         "photographs: those beside the sub-folders are forgotten",
         "data/readers/lights.py",
-        "        if not below:\n",
-        "        if below:\n",
+        "        elif not below:\n",
+        "        elif below:\n",
         "data/readers/test_lights.py::test_pictures_beside_the_sub_folders_are_named_with_the_reason",
     ),
     mutant(
