@@ -40,15 +40,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--n", type=int, default=300)
     parser.add_argument("--signs", action="store_true")
     parser.add_argument("--sets", nargs="*", default=[*PROCEDURAL])
+    parser.add_argument("--seen", nargs="*", default=[], help="observations; scores go to a file named by them")
     options = parser.parse_args(argv)
     if options.signs:
         cases, name = turned, "telling-signs"
     else:
         cases, name = exchanges, "told-apart"
+    name = "-".join([name, *options.seen])
     about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
     light = natural_light([*VIEWED_FROM], None)
+    observed = options.seen or [*VIEWED_FROM]
     table = {
-        made: {seen: told_apart(made, seen, light, options.n, cases) for seen in VIEWED_FROM} for made in options.sets
+        made: {seen: told_apart(made, seen, light, options.n, cases) for seen in observed} for made in options.sets
     }
     write(RESULTS / f"{name}.json", about | {"distances": table})
     columns = list(next(iter(next(iter(table.values())).values())))

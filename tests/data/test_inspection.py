@@ -14,10 +14,8 @@ from PIL import Image
 from unproject._types import UserError
 from unproject.cli import main
 from unproject.cli.data import run
-from unproject.data import OBSERVATIONS, Collection, Framing, inspect, inspect_materials, wood
-from unproject.data.inspection import ENLARGED
-from unproject.ops.maps import unpack_maps
-from unproject.recipes import find, material_panels
+from unproject.data import Collection, Framing, inspect
+from unproject.recipes import find
 from unproject.recipes.sizes import size_for
 
 
@@ -122,56 +120,6 @@ def test_volumes_are_shown_shaded(tmp_path: Path, capsys) -> None:
     assert "volumes: 3 of 32 x 32 x 32" in capsys.readouterr().out
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.size == (3 * 96, 96) and len(np.unique(np.asarray(sheet))) > 5
-
-
-def photographs(tmp_path: Path) -> Path:
-    for name, colour in {"diffuse": (200, 100, 50), "normal": (128, 128, 255), "top": (20, 180, 90)}.items():
-        (tmp_path / name).mkdir()
-        for k in range(3):
-            Image.new("RGB", (80, 70), colour).save(tmp_path / name / f"{k}.png")
-    (tmp_path / "top" / "bad.png").write_bytes(b"no picture")
-    return tmp_path
-
-
-@pytest.mark.parametrize("recipe", ["wood", "metal-paper"])
-def test_folders_of_photographs_are_shown_in_colour_a_row_for_each(tmp_path: Path, capsys, recipe: str) -> None:
-    folder = photographs(tmp_path)
-    run("inspect", folder, for_=recipe, out=tmp_path / "sheet.png")
-    text = capsys.readouterr().out
-    assert "9 used, 1 skipped" in text and "top: 3 of 3 x 64 x 64" in text and text.startswith("top/bad.png")
-    with Image.open(tmp_path / "sheet.png") as sheet:
-        assert sheet.size == (8 * 96, 3 * 96)
-        tops = [sheet.getpixel((48, 96 * row + 48)) for row in range(3)]
-        assert sheet.getpixel((3 * 96 + 48, 48)) == (128, 128, 128), "no more than three"
-    for shown, colour in zip(tops, [(200, 100, 50), (128, 128, 255), (20, 180, 90)], strict=True):
-        assert np.abs(np.subtract(shown, colour)).max() <= 3
-
-
-def test_texture_sets_are_shown_as_the_patches_that_are_cut_out_of_them(tmp_path: Path, capsys) -> None:
-    for name in ("oak", "ash"):
-        (tmp_path / name).mkdir()
-        for role, value in {"color": (150, 90, 40), "roughness": (128, 128, 128)}.items():
-            Image.new("RGB", (256, 256), value).save(tmp_path / name / f"{role}.png")
-    (tmp_path / "elm").mkdir()
-    Image.new("RGB", (256, 256)).save(tmp_path / "elm" / "color.png")
-    run("inspect", tmp_path, for_="wood", out=tmp_path / "sheet.png")
-    text = capsys.readouterr().out
-    assert "2 used, 1 skipped" in text and "patches: 64 of 8 x 64 x 64" in text and text.startswith("elm")
-    with Image.open(tmp_path / "sheet.png") as sheet:
-        assert sheet.size == (4 * 64, 8 * 64) and sheet.getpixel((3 * 64 + 9, 9)) == (128, 128, 255)
-        red, green, blue = sheet.getpixel((9, 9))  # type: ignore[misc]
-        assert red > green > blue
-
-
-def test_an_archive_of_maps_of_the_recipes_size_is_taken_as_it_is(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", **{name: value.numpy() for name, value in unpack_maps(wood(2, 64)).items()})
-    found = inspect_materials(tmp_path / "a.npz", 64)
-    assert torch.equal(found.collections["materials"].items, wood(2, 64))
-
-
-def test_the_recipes_read_what_is_shown() -> None:
-    assert set(OBSERVATIONS) == {*material_panels.MAPS, *material_panels.VIEWED_FROM}
-    assert ENLARGED == material_panels.ENLARGED
 
 
 def test_the_verb_packs_what_the_recipe_reads(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

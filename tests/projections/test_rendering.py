@@ -18,6 +18,7 @@ from unproject.ops.microfacet import Reflection
 from unproject.ops.shading import Sampling
 from unproject.projections.observation import Observation
 from unproject.projections.rendering import Rendering, rendering_prior
+from unproject.training.description import describe
 
 
 def paper(size: int = 8, white: float = 1.0) -> Tensor:
@@ -131,6 +132,23 @@ def test_a_photograph_of_paper_is_exposed() -> None:
         rendering = Rendering(torch.full((1, 3, 8, 16), strength), sampling=Sampling(64))
         seen = rendering(paper(8, 0.5), view=angle(0))
         assert seen.mean().item() == pytest.approx(0.5 ** (1 / 2.2), abs=0.01)
+
+
+def test_a_camera_that_sees_only_the_surface_is_exposed_to_the_light_on_it() -> None:
+    """Grey paper is its own grey wherever a lamp stands; under light from all sides both exposures are the same."""
+    lamps = torch.zeros(3, 3, 16, 32)
+    lamps[0, :, 1], lamps[1, :, 5:7, 3], lamps[2] = 4.0, 90.0, 0.3
+    metered, exposed = (Rendering(lamps, sampling=Sampling(512), metered=m) for m in ("surface", None))
+    for probe, tolerance in ((0.0, 0.02), (1.0, 0.02), (2.0, 0.005)):
+        latents = {"view": angle(0), "light": angle(0), "probe": torch.tensor([probe]), "jitter": torch.tensor([0.5])}
+        seen = metered(paper(8, 0.3), **latents).mean().item()
+        assert seen == pytest.approx(0.3 ** (1 / 2.2), abs=tolerance)
+        alike = abs(seen - exposed(paper(8, 0.3), **latents).mean().item()) < 0.005
+        assert alike == (probe == 2)
+
+
+def test_stored_recipes_know_nothing_of_metering() -> None:
+    assert "metered" not in describe(Rendering()) and describe(Rendering(metered="surface"))["metered"] == "surface"
 
 
 def test_the_response_is_a_power_with_a_finite_slope() -> None:

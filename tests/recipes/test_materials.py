@@ -23,6 +23,7 @@ from unproject.projections.standardised import Standardised
 from unproject.recipes import names
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
+from unproject.testing import check_prior, check_projection
 from unproject.training import Recipe, resume, train
 from unproject.training.evaluation import projected
 from unproject.training.state import State
@@ -95,7 +96,8 @@ def test_a_mirror_image_is_the_projection_of_the_mirrored_material(name: str) ->
     drawn = observed.prior.sample(3, torch.Generator().manual_seed(0))
     drawn |= {"view": torch.zeros(3)} if "view" in drawn else {}
     turns = {(3,): lambda phi: math.pi - phi, (2,): lambda phi: -phi, (2, 3): lambda phi: phi + math.pi}
-    moves = {"lamp": "light_azimuth", "top": "light"}.get(name)  # light that comes from anywhere is mirrored, or turned
+    # Light that comes from anywhere is mirrored, or turned.
+    moves = {"lamp": "light_azimuth", "top": "light", "daylight": "light"}.get(name)
     for axes in MIRRORED[name]:
         of_mirrored = drawn | ({moves: turns[axes](drawn[moves])} if moves else {})
         torch.testing.assert_close(
@@ -104,6 +106,29 @@ def test_a_mirror_image_is_the_projection_of_the_mirrored_material(name: str) ->
             atol=0.02,
             rtol=0,
         )
+
+
+def test_daylight_obeys_the_laws_of_projections_and_priors() -> None:
+    observed = observation_of("daylight", None, 8)
+    check_projection(observed, wood(3, 16, 0)[:, :, ::4, ::4])
+    check_prior(observed.prior)
+
+
+def test_daylight_needs_no_probes_and_comes_from_many_places() -> None:
+    """A sheet of paper is as bright under each of them; a slope is lit from all sides, hardly or strongly."""
+    observed = observation_of("daylight", None, 64)
+    theta = observed.prior.sample(256, torch.Generator().manual_seed(0))
+    assert theta["probe"].long().unique().numel() > 32 and theta["view"].abs().max() <= math.radians(5)
+    paper = torch.tensor([0.5, 0.5, 0.5, 0, 0.5, 0, 0, 1]).view(1, 8, 1, 1).repeat(256, 1, 4, 4)
+    seen = observed.projection(paper, **theta).mean((1, 2, 3))
+    torch.testing.assert_close(seen, torch.full((256,), 0.5 ** (1 / 2.2)), atol=0.03, rtol=0)
+    sides = []
+    for lean in (0.4, -0.4):
+        paper[:, 5], paper[:, 7] = lean, math.sqrt(1 - 0.4**2)
+        sides.append(observed.projection(paper, **theta).mean((1, 2, 3)).log())
+    ratio = sides[0] - sides[1]
+    assert abs(ratio.mean()) < 0.05 and (ratio > 0.1).float().mean() > 0.2 and (ratio < -0.1).float().mean() > 0.2
+    assert (ratio.abs() < 0.02).float().mean() > 0.05
 
 
 def test_direct_training_sees_as_many_images() -> None:
@@ -130,7 +155,7 @@ def test_the_papers_recipe_has_the_papers_choices() -> None:
 def test_pictures_of_a_users_own(tmp_path: Path) -> None:
     """Sub-folders of photographs and maps that do not belong together are enough."""
     rng = np.random.default_rng(0)
-    for name, count in (("top", 5), ("grazing", 4), ("diffuse", 3)):
+    for name, count in (("top", 5), ("grazing", 4), ("diffuse", 3), ("daylight", 2)):
         (tmp_path / name).mkdir()
         for k in range(count):
             Image.fromarray(rng.integers(0, 255, (20, 24, 3), dtype=np.uint8)).save(tmp_path / name / f"{k}.png")
@@ -139,15 +164,40 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         ("diffuse", 3),
         ("top", 5),
         ("grazing", 4),
+        ("daylight", 2),
     ]
     assert [*panels(wood_materials(data=tmp_path, observations=("top",), **TOY))] == ["top"]
     # Their light is unknown, and they count less than maps; our own renderings of top views count as all do.
     found = panels(wood_materials(data=tmp_path, natural_light_weight=0.25, **TOY))
-    assert {name: panel.weight for name, panel in found.items()} == {"diffuse": 1.0, "top": 0.25, "grazing": 0.25}
-    ours = wood_materials(observations=("top", "flash"), renderings=2, photograph_weight=2.5, **TOY)
-    assert [panel.weight for panel in ours.panels] == [2.5, 2.5]
+    assert {name: panel.weight for name, panel in found.items()} == {
+        "diffuse": 1.0,
+        **dict.fromkeys(("top", "grazing", "daylight"), 0.25),
+    }
+    ours = wood_materials(observations=("top", "flash", "daylight"), renderings=2, photograph_weight=2.5, **TOY)
+    assert [panel.weight for panel in ours.panels] == [2.5, 2.5, 2.5]
     with pytest.raises(UserError, match="leave normal out of the observations"):
         wood_materials(data=tmp_path, observations=("normal", "top"), **TOY)
+
+
+def test_photographs_that_are_not_used_are_warned_of(tmp_path: Path) -> None:
+    for name in ("daylight/a.png", "colored/b.png"):
+        (tmp_path / name).parent.mkdir()
+        Image.new("RGB", (16, 16), (150, 90, 60)).save(tmp_path / name)
+    (tmp_path / "daylight" / "c.png").write_bytes(b"no picture")
+    with pytest.warns(UserWarning) as warned:
+        found = panels(wood_materials(data=tmp_path, **TOY))
+    assert [(name, len(panel)) for name, panel in found.items()] == [("daylight", 1)]
+    said = [str(one.message) for one in warned]
+    assert len(said) == 2 and "not used: 1, the first: b.png" in said[0] and "'coloured'" in said[0]
+    assert "1 of 2 skipped, the first: daylight/c.png" in said[1]
+
+
+def test_daylight_is_learned_from_its_mirror_images_too(tmp_path: Path) -> None:
+    (tmp_path / "daylight").mkdir()
+    for k in range(3):
+        Image.new("RGB", (16, 16), (150, 90, 60 + k)).save(tmp_path / "daylight" / f"{k}.png")
+    (panel,) = wood_materials(data=tmp_path, flips=True, **TOY).panels
+    assert len(panel) == 4 * 3
 
 
 def test_all_photographs_are_used_unless_a_number_is_given(tmp_path: Path) -> None:
@@ -200,7 +250,7 @@ def test_a_toy_run_from_the_command_line(name: str, tmp_path: Path, capsys: pyte
 
 def test_the_recipes_are_listed() -> None:
     assert {"wood", "metal", "plastic", "wood-paper", "metal-paper", "plastic-paper"} <= set(names())
-    assert set(VIEWED_FROM) == {"top", "grazing", "flash", "lamp", "raking", "coloured", "ambient"}
+    assert set(VIEWED_FROM) == {"top", "grazing", "flash", "lamp", "raking", "coloured", "ambient", "daylight"}
 
 
 def test_photographs_are_standardised_before_they_are_compared(tmp_path: Path) -> None:

@@ -13,9 +13,7 @@ from .._types import UserError
 from ._arguments import find_recipe
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from ..data import Collection, Framing, Inspection
+    from ..data import Framing, Inspection
 
 
 def run(
@@ -23,7 +21,7 @@ def run(
     path: Path,
     /,
     *,
-    for_: str = "shapes",
+    for_: str | None = None,
     out: Path | None = None,
     size: int | None = None,
     mode: Literal["crop", "keep"] | None = None,
@@ -41,7 +39,7 @@ def run(
         path: A folder of pictures, an .npz, .npy or idx file, a 3-D collection, or materials; to get one, its name:
             mnist.
         for_: The recipe that is to learn from it: shapes, digits, wood, ..., or one of your own, which is taken to
-            learn shapes.
+            learn shapes (default: wood for a path that clearly holds materials, which `inspect` says, else shapes).
         out: Write a contact sheet to this PNG file; or the pack to write (default: PATH.npz); or the folder to get a
             collection into (default: the name of the collection).
         size: Side of the pictures in pixels (default: the recipe's; of packed silhouettes twice that, since cropped
@@ -58,19 +56,40 @@ def run(
         get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
         return
     if action == "pack":
-        _pack(path, out, for_, size, _framing(path, mode, threshold, polarity), strict)
+        _pack(path, out, for_ or "shapes", size, _framing(path, mode, threshold, polarity), strict)
         return
-    found = _inspected(path, for_, size, _framing(path, mode, threshold, polarity), strict)
-    print(json_format.dumps(found.as_dict()) if json else found.table())
+    framing = _framing(path, mode, threshold, polarity)
+    recipe = for_ or _recipe_for(path, framing)
+    found = _inspected(path, recipe, size, framing, strict)
+    print(json_format.dumps({**found.as_dict(), "for": recipe}) if json else found.table())
     if not found.collections:
         name, _, _, reason = found.rows[0]
         raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one")
-    if for_ == "shapes" and size is None and not json:
+    if for_ is None and not json:
+        _say_what_for(found, recipe)
+    if recipe == "shapes" and size is None and not json:
         if any(collection.latents for collection in found.collections.values()):
             print("  views are known: --views known trains with them")
         _say_size(path)
     if out is not None:
-        _write_sheet(found, out)
+        from ._sheets import write_sheet
+
+        write_sheet(found, out)
+
+
+def _recipe_for(path: Path, framing: Framing | None) -> str:
+    """Return the recipe that a path is for: framing makes sense of silhouettes only."""
+    from ..data import holds_materials
+
+    return "wood" if framing is None and holds_materials(path) else "shapes"
+
+
+def _say_what_for(found: Inspection, recipe: str) -> None:
+    """Say which recipe was chosen, if another one may be meant."""
+    if recipe == "wood":
+        print("  read as materials, for wood, metal or plastic; --for shapes reads silhouettes")
+    elif sum("photograph" in row[2] for row in found.rows) > len(found.rows) / 2:
+        print("  read as silhouettes of objects; --for wood, metal or plastic reads photographs of surfaces")
 
 
 def _say_size(path: Path) -> None:
@@ -154,52 +173,3 @@ def _size_of(recipe: str, path: Path) -> int:
     if "size" not in parameters or not isinstance(parameters["size"].default, int):
         raise UserError(f"--for {recipe}: has no default size; give --size")
     return parameters["size"].default
-
-
-def _write_sheet(found: Inspection, out: Path) -> None:
-    if out.suffix.lower() not in (".png", ".jpg", ".jpeg", ".webp"):
-        raise UserError(f"{out}: a contact sheet is a picture; name it .png")
-    if len(found.collections) == 1:
-        return _sheet_of(next(iter(found.collections.values())), out)
-    import torch
-
-    from ..export import picture_sheet
-
-    rows = [_row(name, collection) for name, collection in found.collections.items()]
-    picture_sheet(torch.cat(rows), out, columns=COLUMNS)
-
-
-COLUMNS = 8
-
-
-def _sheet_of(collection: Collection, out: Path) -> None:
-    """64 items spread over the collection: pictures, graphs of line integrals, shaded volumes; or 8 materials."""
-    from .. import export
-    from ..ops.maps import CHANNELS
-
-    if collection.shape[0] == CHANNELS and collection.shape != (CHANNELS,) * 3:
-        export.material_sheet(_spread(collection, COLUMNS), [], out)
-        return
-    items = _spread(collection, COLUMNS**2)
-    if items.dim() == 4 and items.shape[1] > 3:
-        export.gallery(items, out, columns=COLUMNS, size=96)
-        return
-    export.picture_sheet(export.graphs(items) if items.dim() == 3 else items, out, columns=COLUMNS)
-
-
-def _row(name: str, collection: Collection) -> Tensor:
-    """(8, 3, H, W): pictures of one observation, as `material_sheet` shows maps; grey where there are fewer than 8."""
-    from ..ops.exposure import develop
-
-    items = _spread(collection, COLUMNS)
-    shown = develop(items) if name in ("diffuse", "specular") else items / 2 + 0.5 if name == "normal" else items
-    row = shown.new_full((COLUMNS, 3, *shown.shape[2:]), 0.5)
-    row[: len(shown)] = shown
-    return row
-
-
-def _spread(collection: Collection, count: int) -> Tensor:
-    """Up to `count` items, evenly spread over the collection."""
-    from ..data.sampling import spread_rows
-
-    return collection.batch(spread_rows(len(collection), count))

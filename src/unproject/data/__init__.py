@@ -9,20 +9,21 @@ from .collection import Collection
 from .digits import digit_labels, digits
 from .download import PUBLIC, get
 from .flips import with_flips
-from .inspection import Inspection, inspect, inspect_materials
+from .inspection import Inspection, inspect
 from .listed import are_pictures, read_photographs, read_silhouettes
 from .mapping import mapped
+from .material_inspection import holds_materials, inspect_materials
 from .observing import observe
 from .packing import Packed, pack
-from .procedural.light import mixed_probes, procedural_probes
+from .procedural.light import daylight_probes, mixed_probes, procedural_probes
 from .procedural.materials.materials import correlated, metal, plastic, wood
 from .procedural.shapes.birds import birds
 from .procedural.shapes.cars import cars
 from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
 from .readers.how import How
+from .readers.lights import OBSERVATIONS, photographed, refuse_unsorted, unsorted
 from .readers.patches import material_patches
-from .readers.photographs import OBSERVATIONS, photographed
 from .readers.probes import read_probe, read_probes, resample_probe
 from .readers.sides import picture_count, side_of
 from .readers.texture_maps import Convention
@@ -54,10 +55,12 @@ __all__ = [
     "chair_parameters",
     "chairs",
     "correlated",
+    "daylight_probes",
     "digit_labels",
     "digits",
     "frame",
     "get",
+    "holds_materials",
     "inspect",
     "inspect_materials",
     "mapped",
@@ -76,9 +79,11 @@ __all__ = [
     "read_probe",
     "read_probes",
     "read_silhouettes",
+    "refuse_unsorted",
     "resample_probe",
     "picture_count",
     "side_of",
+    "unsorted",
     "with_flips",
     "wood",
 ]

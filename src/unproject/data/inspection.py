@@ -16,17 +16,12 @@ from .readers.arrays import LATENTS
 from .readers.found import Found, check_size
 from .readers.framing import Framing
 from .readers.how import How
-from .readers.patches import material_patches
 from .readers.paths import holds_shapes
-from .readers.photographs import photographed
 from .readers.pictures import found_of, stacked, survey_pictures
 from .reading import read
 from .sampling import spread_rows
 
 Row = tuple[str, str, str, str]
-ENLARGED = 4
-"""Textures are read at this many times the size of the patches that are cut out of them."""
-PATCHES = 64
 SHOWN = 1024
 """Pictures at most whose outlines are looked at."""
 
@@ -39,11 +34,15 @@ class Inspection:
         source: the path.
         collections: what a training run would get, by name: one collection, or one for each observation.
         rows: (name, size, how it was read, "used" or why it was skipped), one for each file or item.
+        notes: of materials, lines of text on what they are and what they show.
+        materials: those of which patches are cut out, as they are.
     """
 
     source: str
     collections: Mapping[str, Collection]
     rows: tuple[Row, ...]
+    notes: tuple[str, ...] = ()
+    materials: Collection | None = None
 
     @property
     def skipped(self) -> tuple[Row, ...]:
@@ -65,6 +64,8 @@ class Inspection:
         used = len(self.rows) - len(self.skipped)
         how = Counter(row[2] for row in self.rows if row[3] == "used")
         lines = [f"{printable(self.source)}: {used} used, {len(self.skipped)} skipped"]
+        if self.notes:
+            return [*lines, *(f"  {note}" for note in self.notes)]
         lines += [f"  {count} read as {name}" for name, count in how.most_common()]
         for name, found in self.collections.items():
             views = ", ".join(found.latents) if found.latents else "unknown"
@@ -91,6 +92,7 @@ class Inspection:
             "shape": None if first is None else [len(first), *first.shape],
             "views": None if first is None or first.latents is None else list(first.latents),
             "level_outlines": self.level_outlines(),
+            "notes": [*self.notes],
             "collections": {name: [len(found), *found.shape] for name, found in self.collections.items()},
             "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
             "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
@@ -134,24 +136,6 @@ def inspect(
     kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.stored).kind]
     name = "silhouettes" if kind == "picture" and pictures == "silhouettes" else f"{kind}s"
     return _inspection(path, {name: found}, {name: kind})
-
-
-def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> Inspection:
-    """Read a path as the recipes of materials do: pictures of each observation, or patches of texture sets.
-
-    Raises:
-        UserError: if there is nothing there that can be used.
-    """
-    path = Path(path)
-    check_size(path, size)
-    names = photographed(path)
-    if names:
-        found = {name: Collection.photographs(path, name, size, strict=strict) for name in names}
-        return _inspection(path, found, {name: f"picture of {name}" for name in names})
-    whole = Collection.materials(path, None if path.suffix == ".npz" else ENLARGED * size, strict=strict)
-    cut = whole if whole.shape[-1] == size else Collection(material_patches(whole.items, PATCHES, size))
-    read_as = _inspection(path, {"materials": whole}, {"materials": "material"})
-    return Inspection(str(path), {"materials" if cut is whole else "patches": cut}, read_as.rows)
 
 
 def _inspection(path: Path, found: Mapping[str, Collection], kinds: Mapping[str, str]) -> Inspection:

@@ -92,11 +92,18 @@ def rendered_alike(x: Tensor, reference: Tensor) -> dict[str, tuple[Tensor, Tens
 def relit(maps: Tensor) -> list[Tensor]:
     """Render maps from above under a lamp ½ rad from the normal, and under `LIGHTS`: (N, 3, H, W) for each."""
     theta = torch.zeros(len(maps))
-    lamp = Rendering("directional", Reflection("albedo"))
-    pictures = [lamp(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)]
+    pictures = [under_a_lamp(maps)]
     for rendering, (_, view) in zip(_renderings(), LIGHTS, strict=True):
         pictures.append(rendering(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5))
     return pictures
+
+
+@torch.no_grad()
+def under_a_lamp(maps: Tensor) -> Tensor:
+    """Render maps from above under a lamp ½ rad from the normal, at the upper left: (N, 3, H, W)."""
+    theta = torch.zeros(len(maps))
+    lamp = Rendering("directional", Reflection("albedo"))
+    return lamp(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,9 @@ from unproject.ops.maps import unpack_maps
 # A quarter turn apart, none of them straight at a side: at 30° a chair shows its front, its side and its seat.
 AZIMUTHS = tuple(math.radians(a) for a in (30, 120, 210, 300))
 _LABEL = 16
+_CAPTION = 24
 _INK = (120, 120, 120)
+_GREY = (128, 128, 128)
 _LARGEST_GIF = 5_000_000
 _QUALITY = {"JPEG": 92, "WEBP": 80}
 
@@ -100,15 +102,40 @@ def picture_sheet(
     """
     if pictures.dim() != 4 or pictures.shape[1] not in (1, 3) or not pictures.numel():
         raise UserError(f"cannot show an array of shape {tuple(pictures.shape)}: pictures are (N, 1 or 3, H, W)")
+    columns = min(columns, len(pictures))
+    sheet = Image.new("RGB", (columns * cell, math.ceil(len(pictures) / columns) * cell), _GREY)
+    _paste(sheet, pictures, columns, cell, 0)
+    return _kept(sheet, path)
+
+
+def _paste(sheet: Image.Image, pictures: Tensor, columns: int, cell: int, top: int) -> None:
+    """Put pictures (N, 1 or 3, H, W) in [0, 1] into the cells of a sheet, from a row of pixels on."""
     pixels = pictures.detach().cpu().clamp(0, 1).mul(255).round().byte().expand(-1, 3, -1, -1).movedim(1, 3).numpy()
-    columns = min(columns, len(pixels))
-    sheet = Image.new("RGB", (columns * cell, math.ceil(len(pixels) / columns) * cell), (128, 128, 128))
     scale = (cell - 4) / max(pixels.shape[1:3])
     height, width = (max(round(side * scale), 1) for side in pixels.shape[1:3])
     for k, picture in enumerate(pixels):
         resampling = Image.Resampling.BOX if scale < 1 else Image.Resampling.NEAREST
-        place = (k % columns * cell + 2, k // columns * cell + 2)
+        place = (k % columns * cell + 2, top + k // columns * cell + 2)
         sheet.paste(Image.fromarray(picture).resize((width, height), resampling), place)
+
+
+def grouped_sheet(
+    groups: Mapping[str, Tensor], path: str | PathLike[str] | None = None, *, columns: int = 8
+) -> Image.Image:
+    """Groups of pictures (N, 1 or 3, H, W) in [0, 1] below one another, each under its caption, on grey.
+
+    Pixels of small pictures are doubled, and doubled again, until a picture is over 100 pixels wide; large ones are
+    reduced to 256.
+    """
+    side = max(max(pictures.shape[2:]) for pictures in groups.values())
+    cell = min(side * 2 ** max(0, math.ceil(math.log2(100 / side))), 256) + 4
+    rows = [math.ceil(len(pictures) / columns) for pictures in groups.values()]
+    sheet = Image.new("RGB", (columns * cell, sum(rows) * cell + len(groups) * _CAPTION), _GREY)
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(size=13), 0
+    for (caption, pictures), count in zip(groups.items(), rows, strict=True):
+        draw.text((4, top + _CAPTION / 2), caption, fill=(255, 255, 255), font=font, anchor="lm")
+        _paste(sheet, pictures, columns, cell, top + _CAPTION)
+        top += _CAPTION + count * cell
     return _kept(sheet, path)
 
 

@@ -94,6 +94,22 @@ def exposure(radiance: Tensor) -> Tensor:
     return torch.where(total > 0, 2 * math.pi / total, torch.ones_like(total)).to(radiance)
 
 
+def surface_exposure(radiance: Tensor) -> Tensor:
+    """Return the factor (K,) that scales the light on a flat surface, facing z, to that of an ambient radiance of 1.
+
+    π / ∫_{upper} L cosθ dω, L the mean over colours: what a camera meters that sees the surface only. It is 1 for a map
+    without light from above.
+
+    Args:
+        radiance: (K, 3, H, W).
+    """
+    height, width = radiance.shape[2:]
+    edges = torch.cos(torch.arange(height + 1, dtype=torch.float64) * (math.pi / height)).clamp(min=0)
+    weights = ((edges[:-1].square() - edges[1:].square()) * (math.pi / width)).to(radiance.device)
+    total = (radiance.double().mean(1).sum(2) * weights).sum(1)
+    return torch.where(total > 0, math.pi / total, torch.ones_like(total)).to(radiance)
+
+
 def look_up(environments: Environments, which: Tensor, turn: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
     """Return radiance (..., 3) and density (...) in a direction (B, ..., 3).
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.environment import Environments, exposure, prepare_environments
+from ..ops.environment import Environments, exposure, prepare_environments, surface_exposure
 from ..ops.exposure import develop
 from ..ops.maps import CHANNELS
 from ..ops.microfacet import Reflection
@@ -59,6 +59,8 @@ class Rendering(Projection):
         repeat: in "image" space, tile the plane with the material (default: black outside it).
         developed: expose to the light of the upper hemisphere, apply gamma 2.2 and clamp at 1, as a photograph; else
             linear radiance.
+        metered: what environments are exposed to: all light from above (default, the paper's auto-exposure), or
+            "surface", the light on a flat surface, as by a camera that sees nothing else.
 
     Raises:
         UserError: for invalid settings or maps, or a missing or unexpected latent.
@@ -80,6 +82,7 @@ class Rendering(Projection):
     space: Literal["texture", "image"] = "texture"
     repeat: bool = False
     developed: bool = True
+    metered: Literal["surface"] | None = field(default=None, metadata={"described": "if given"})
     environments: Environments | None = field(init=False, default=None, repr=False)
     example_shape: ClassVar[tuple[int, ...]] = (CHANNELS, 4, 4)
 
@@ -95,7 +98,8 @@ class Rendering(Projection):
         else:
             lit = self.lighting
             if self.developed and lit.dim() == 4:
-                lit = lit * exposure(lit)[:, None, None, None]
+                factor = surface_exposure(lit) if self.metered else exposure(lit)
+                lit = lit * factor[:, None, None, None]
             object.__setattr__(self, "environments", prepare_environments(lit))
         if not self.distance > 0.5:
             raise UserError(f"Rendering(distance={self.distance:g}): give more than half a width, 4 for a photograph")

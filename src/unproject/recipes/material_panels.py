@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -13,7 +14,17 @@ from torch import Tensor
 from .._random import derived_seed, generator_at
 from .._types import UserError
 from ..assignment import Panel
-from ..data import Collection, material_patches, observe, photographed, procedural_probes, read_probes
+from ..data import (
+    Collection,
+    daylight_probes,
+    material_patches,
+    observe,
+    photographed,
+    procedural_probes,
+    read_probes,
+    refuse_unsorted,
+    unsorted,
+)
 from ..ops.maps import MAPS
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
@@ -24,18 +35,21 @@ from ..training.estimate import require_memory_to_train
 Materials = Callable[[int, int, int], Tensor]
 """(count, size, seed) → maps (count, 8, size, size) of a procedural data set."""
 Views = Literal["known", "direct"]
-VIEWED_FROM = {"top": 0.0, "grazing": 80.0, "flash": 0.0, "lamp": 0.0, "raking": 0.0, "coloured": 0.0, "ambient": 0.0}
+VIEWED_FROM = {"top": 0.0, "grazing": 80.0, **dict.fromkeys(("flash", "lamp", "raking", "coloured", "ambient"), 0.0)}
+VIEWED_FROM["daylight"] = 0.0
 """Photograph → degrees of the camera from the normal."""
 MIRRORED = {
-    **dict.fromkeys((*MAPS, "flash", "lamp", "ambient", "itself"), ((3,), (2,), (2, 3))),
+    **dict.fromkeys((*MAPS, "flash", "lamp", "ambient", "daylight", "itself"), ((3,), (2,), (2, 3))),
     "raking": ((2,),),
     "top": ((2, 3),),
 }
 """Axes along which the image of an observation may be flipped: the result is an image of the mirrored material. Natural
-light has no mirror image, but may be turned by half a turn; cameras are within 5° of the normal."""
+light has no mirror image, but may be turned by half a turn; daylight that nobody measured is as likely as its mirror
+image; cameras are within 5° of the normal."""
 LAMPS = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), math.pi)}
 """Angles of fixed lamps from the normal, and around it, in radians."""
-UNKNOWN_LIGHT = {"top", "grazing"}
+NATURAL_LIGHT = {"top", "grazing"}
+UNKNOWN_LIGHT = {*NATURAL_LIGHT, "daylight"}
 ENLARGED = 4  # texture sets are read at so many times the size of the patches that are cut out of them
 
 
@@ -63,8 +77,9 @@ Source = Callable[[Observation, int], Tensor]
 def source_of(procedural: Materials, data: Path | None, size: int, seed: int) -> Source:
     """Return where images come from: a procedural data set, the materials of `data`, or folders of pictures."""
     if data is not None and are_photographs(data):
+        _warn_unsorted(data)
         return lambda observation, count: _first(
-            Collection.photographs(data, observation.name, size).floats(), count, seed
+            Collection.photographs(data, observation.name, size).warn_skipped().floats(), count, seed
         )
     found = None if data is None else textures_of(data, size)
 
@@ -83,8 +98,23 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int) ->
     return images
 
 
+def _warn_unsorted(data: Path) -> None:
+    """Warn of pictures that no observation is made of."""
+    found = unsorted(data)
+    if found:
+        file, reason = next(iter(found.items()))
+        warnings.warn(
+            f"{data}: pictures that are not used: {len(found)}, the first: {file.name}: {reason}", stacklevel=2
+        )
+
+
 def textures_of(data: Path, size: int) -> Tensor:
-    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them."""
+    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them.
+
+    Raises:
+        UserError: for photographs that say nothing of their light, or if there is no material.
+    """
+    refuse_unsorted(data)
     return Collection.materials(data, None if data.suffix == ".npz" else ENLARGED * size).warn_skipped().floats()
 
 
@@ -152,7 +182,7 @@ def _first(items: Tensor, count: int, seed: int) -> Tensor:
 
 def natural_light(names: Sequence[str], probes: Path | None, height: int = 32) -> Tensor | None:
     """Return environments (K, 3, height, 2 height): those of a path, or procedural ones; None if none is needed."""
-    if not UNKNOWN_LIGHT & set(names):
+    if not NATURAL_LIGHT & set(names):
         return None
     return procedural_probes(height)[0] if probes is None else read_probes(probes, height)[0]
 
@@ -169,9 +199,10 @@ def observation_of(name: str, natural: Tensor | None, samples: int) -> Observati
         raise UserError(f"observations: there is none called {name!r}; choose from {', '.join((*MAPS, *VIEWED_FROM))}")
     lit: dict[str, Lighting] = {"coloured": "coloured", "ambient": "ambient"}
     lit |= {"flash": "directional", "lamp": "directional", "raking": "directional"}
-    lighting = lit.get(name, natural)
+    lighting = daylight_probes() if name == "daylight" else lit.get(name, natural)
     assert lighting is not None
-    rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples))
+    metered = "surface" if name == "daylight" else None
+    rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples), metered=metered)
     light, azimuth = ({"flash": (0.0, None)} | LAMPS).get(name, (None, None))
     return Observation(
         name, rendering, rendering_prior(rendering, math.radians(VIEWED_FROM[name]), light, light_azimuth=azimuth)

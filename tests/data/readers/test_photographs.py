@@ -53,10 +53,11 @@ def test_bad_ones_are_named_and_skipped(tmp_path: Path) -> None:
     found = Collection.photographs(tmp_path, "normal", 16)
     assert found.names == ("normal/good.png",)
     assert [name for name, _ in found.skipped] == ["normal/black.png", "normal/text.png", "normal/tiny.png"]
+    assert found.skipped[0][1].startswith("is no normal map") and found.skipped[2][1].startswith("is 4 × 4 pixels")
     with pytest.raises(UserError, match="black"):
         Collection.photographs(tmp_path, "normal", 16, strict=True)
     with pytest.raises(UserError, match="leave grazing out"):
         Collection.photographs(tmp_path, "grazing", 16)
     put(tmp_path / "top", "tiny.png", (1, 1, 1), (2, 2))
-    with pytest.raises(UserError, match="none of the 1"):
+    with pytest.raises(UserError, match=r"none of the 1 pictures can be used \(top/tiny.png: is 2 × 2"):
         Collection.photographs(tmp_path, "top", 16)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from torch import Tensor
 
 from unproject._pictures import write_picture
 from unproject._types import UserError
-from unproject.data import mixed_probes, procedural_probes, read_probe, read_probes, resample_probe
+from unproject.data import daylight_probes, mixed_probes, procedural_probes, read_probe, read_probes, resample_probe
 from unproject.data.readers.probes import directions, find_probes
 from unproject.ops.environment import solid_angles
 
@@ -323,6 +324,46 @@ def test_mixed_probes_are_many_different_lights_of_one_strength() -> None:
     torch.testing.assert_close(irradiance, torch.full((6,), math.pi), rtol=0.25, atol=0)
 
 
-def test_mixed_probes_are_counted() -> None:
+def test_daylight_is_one_source_and_the_same_light_from_everywhere() -> None:
+    """By the formula: π (1 - s) from everywhere and π s from the source on a surface that faces it."""
+    probes = daylight_probes(16, 32)
+    assert probes.shape == (16, 3, 32, 64) and probes.isfinite().all() and probes.min() >= 0
+    assert torch.equal(daylight_probes(3, 32), probes[:3]) and torch.equal(probes[0], torch.ones(3, 32, 64))
+    total = energy(probes)[:, 0] / math.pi  # 4 (1 - s) + s
+    share = (4 - total) / 3
+    assert share.min() >= -1e-3 and share.max() > 0.9 and 0.65 < share.mean() < 0.8
+    torch.testing.assert_close(probes.amin((1, 2, 3)).double(), 1 - share, atol=0.05, rtol=0)
+
+
+def shading(probes: Tensor) -> Tensor:
+    """Deciles 1, 5 and 9 of |ln E₊/E₋| over probes and turns, of slopes of 24° that face each other."""
+    tilt, turns = math.radians(24), torch.arange(0, 360, 15).deg2rad().tolist()
+    normals = [(math.sin(tilt) * math.cos(a), math.sin(tilt) * math.sin(a), math.cos(tilt)) for a in turns]
+    ratios = [
+        irradiance(probes, (x, y, z)).mean(-1).log() - irradiance(probes, (-x, -y, z)).mean(-1).log()
+        for x, y, z in normals
+    ]
+    return torch.stack(ratios).abs().flatten().quantile(torch.tensor([0.1, 0.5, 0.9], dtype=torch.float64))
+
+
+def test_daylight_shades_slopes_as_measured_light_does() -> None:
+    found = shading(daylight_probes(64, 32))
+    torch.testing.assert_close(found, found.new_tensor([0.035, 0.333, 1.026]), atol=0.02, rtol=0)
+
+
+@pytest.mark.skipif(not MEASURED.is_file(), reason="the measured probes are not beside this checkout")
+def test_these_are_the_deciles_of_measured_light() -> None:
+    found = shading(read_probes(MEASURED, 32)[0])
+    torch.testing.assert_close(found, found.new_tensor([0.035, 0.333, 1.026]), atol=0.002, rtol=0)
+
+
+def test_the_mirror_image_of_daylight_is_that_light_turned() -> None:
+    """φ → -φ leaves it as it is, so any other mirror image is a turn."""
+    probes = daylight_probes(8, 16)
+    torch.testing.assert_close(probes.flip(3), probes, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("make", [mixed_probes, daylight_probes])
+def test_mixed_probes_are_counted(make: Callable[[int], Tensor]) -> None:
     with pytest.raises(UserError, match="count=0"):
-        mixed_probes(0)
+        make(0)

@@ -65,6 +65,44 @@ def mixed_probes(count: int, height: int = 64, seed: int = 0) -> Tensor:
     return torch.stack(made)
 
 
+def daylight_probes(count: int = 64, height: int = 32) -> Tensor:
+    """Light that nobody measured (count, 3, height, 2 height): one source, and the same light from everywhere.
+
+        L(ω) = 1 - s + s π ℓ(ω) / ∫ ℓ dω,      ℓ(ω) = exp((cos γ - 1) / σ²)
+
+    for γ from the source, which stands at the polar angle θ and the azimuth 0; turned maps have it elsewhere. s is its
+    share of the light on a surface that faces it: 0 an overcast sky, 0.8 the sun in a clear one. Directions are
+    equally likely by solid angle up to θ = 80°, and so is ln σ, from 6°, which 32 rows just resolve (the sun is
+    sharper), to 30°, a window beside the table. s has the density 3 s²: then slopes are shaded as strongly as by
+    measured light. Over all turns |ln E₊/E₋|, with E± the light on slopes of 24° that face each other, has the deciles
+    0.04 (10 %), 0.34 (50 %) and 1.04 (90 %); in 45 measured probes 0.04, 0.33 and 1.03; with uniform s half of that.
+    Numbers come in the order of a Sobol sequence, always the same.
+
+    All is white, since cameras balance colours. Each map is symmetric about the plane of the azimuths 0 and π, so that
+    its mirror image is the same map turned: mirror images of a photograph are as likely as the photograph.
+
+    Raises:
+        UserError: for a count below 1.
+
+    Examples:
+        >>> daylight_probes(3, 8).shape
+        torch.Size([3, 3, 8, 16])
+    """
+    if count < 1:
+        raise UserError(f"daylight probes: count={count}; give at least 1")
+    cubed, across, width = torch.quasirandom.SobolEngine(3).draw(count).double().unbind(1)
+    share = cubed ** (1 / 3)
+    polar = torch.acos(1 - across * (1 - math.cos(math.radians(80)))).rad2deg()
+    spread = torch.deg2rad(6 * (30 / 6) ** width)
+    d = directions(4 * height, 8 * height)
+    made = []
+    for s, theta, sigma in zip(share.tolist(), polar.tolist(), spread.tolist(), strict=True):
+        lobe = torch.exp((_dot(d, toward(theta, 0)) - 1) / sigma**2)
+        whole = 2 * math.pi * sigma**2 * -math.expm1(-2 / sigma**2)
+        made.append(resample_probe(1 - s + s * math.pi / whole * lobe, height))
+    return torch.stack(made).float()[:, None].repeat(1, 3, 1, 1)
+
+
 def _upper(probes: Tensor) -> Tensor:
     """(N,) irradiance on a surface that lies flat, mean of colours."""
     return torch.stack([_irradiance(probe.double()).mean() for probe in probes]).float()

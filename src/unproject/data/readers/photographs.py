@@ -13,19 +13,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..._files import paths_below
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
 from ...ops.maps import MAPS
 from .found import Found
 from .framing import centred_square
-from .pictures import SUFFIXES, is_hidden
+from .lights import SAVE, UNREAD, picture_files
 
-FLOATING = (".exr", ".hdr")
 SMOOTHEST = 1e-3
-OBSERVATIONS = (*MAPS, "top", "grazing", "flash", "lamp", "raking", "coloured", "ambient")
-"""Names of sub-folders: maps, and photographs by their light and camera."""
 
 
 def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> Found:
@@ -37,8 +33,9 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
     """
     folder = path / name
-    below = paths_below(folder) if folder.is_dir() else []
-    files = [file for file in below if file.suffix.lower() in (*SUFFIXES, *FLOATING) and not is_hidden(file, folder)]
+    files = picture_files(folder)
+    if not files and (unread := picture_files(folder, UNREAD)):
+        raise UserError(f"{folder}: holds no picture that can be read: {unread[0].suffix} is not, {SAVE}")
     if not files:
         raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")
     found: dict[str, Tensor] = {}
@@ -49,15 +46,11 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
         except UserError as reason:
             if strict:
                 raise
-            skipped[file.relative_to(path).as_posix()] = str(reason)
+            skipped[file.relative_to(path).as_posix()] = str(reason).removeprefix(f"{file}: ")
     if not found:
-        raise UserError(f"{folder}: none of the {len(files)} pictures can be used ({next(iter(skipped.values()))})")
+        first = ": ".join(next(iter(skipped.items())))
+        raise UserError(f"{folder}: none of the {len(files)} pictures can be used ({first})")
     return Found(torch.stack([*found.values()]), tuple(found), None, tuple(skipped.items()), str(folder))
-
-
-def photographed(path: Path) -> tuple[str, ...]:
-    """The observations that a folder has sub-folders of pictures for, in the order of `OBSERVATIONS`."""
-    return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
 
 
 def photograph(file: Path, name: str, size: int) -> Tensor:

@@ -75,13 +75,19 @@ def _median(files: Sequence[Path], side: Callable[[Path], int | None]) -> int | 
 
 
 def _of_picture(file: Path) -> int | None:
+    size = size_of_picture(file)
+    return None if size is None else min(size)
+
+
+def size_of_picture(file: Path) -> tuple[int, int] | None:
+    """Return the width and the height of a picture by its header; None of what Pillow does not know."""
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(file) as picture:
-                return min(picture.size)
+                return picture.size
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         return None
 

@@ -1,0 +1,114 @@
+"""What a path will be used as by the recipes of materials, and whether it is for them at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from .._files import paths_below
+from .._types import UserError
+from ..ops.maps import MAPS
+from .collection import Collection
+from .inspection import Inspection, Row
+from .readers.found import check_size
+from .readers.lights import KINDS, photographed, picture_files, refuse_unsorted, showing, unsorted
+from .readers.patches import material_patches
+from .readers.shapes import SUFFIXES as SHAPES
+from .readers.sides import size_of_picture
+from .readers.stored import StoredArrays
+from .readers.texture_names import find_textures, picture_names
+
+ENLARGED = 4
+"""Textures are read at this many times the size of the patches that are cut out of them."""
+PATCHES = 64
+UNCLEAR = frozenset({"top", "normal", "lamp"})
+"""Sub-folders that silhouettes may lie in too: views, and classes of objects."""
+MOST_MAPS = 32
+"""Pictures of a texture set at most."""
+
+
+def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> Inspection:
+    """Read a path as the recipes of materials do: pictures of each observation, or patches of texture sets.
+
+    Raises:
+        UserError: if there is nothing there that can be used.
+    """
+    path = Path(path)
+    check_size(path, size)
+    names = photographed(path)
+    if names:
+        found = {name: Collection.photographs(path, name, size, strict=strict) for name in names}
+        return _of_photographs(path, found, size)
+    refuse_unsorted(path)
+    whole = Collection.materials(path, None if path.suffix == ".npz" else ENLARGED * size, strict=strict)
+    cut = whole if whole.shape[-1] == size else Collection(material_patches(whole.items, PATCHES, size))
+    texels = " x ".join(map(str, whole.shape[1:]))
+    rows: list[Row] = [(name, "", "", reason) for name, reason in whole.skipped]
+    rows += [(name, texels, "material", "used") for name in whole.names]
+    notes = [f"materials: {len(whole)} of {texels} texels: diffuse, specular, roughness and normal maps"]
+    if cut is not whole:
+        shape = " x ".join(map(str, cut.shape))
+        notes.append(f"patches: {len(cut)} of {shape}, cut out of them at any place and angle, as in training")
+    kind = "materials" if cut is whole else "patches"
+    return Inspection(str(path), {kind: cut}, tuple(rows), tuple(notes), whole)
+
+
+def _of_photographs(path: Path, found: Mapping[str, Collection], size: int) -> Inspection:
+    skipped = [(name, "", "", reason) for one in found.values() for name, reason in one.skipped]
+    skipped += [(file.relative_to(path).as_posix(), "", "", reason) for file, reason in unsorted(path).items()]
+    used: list[Row] = []
+    notes = []
+    for kind, one in found.items():
+        sizes = {name: size_of_picture(path / name) for name in one.names}
+        used += [(name, pixels(side), f"picture of {kind}", "used") for name, side in sizes.items()]
+        what = f"photographs, lit by {KINDS[kind].light}" if kind in KINDS else "maps"
+        notes.append(f"{kind}: {len(one)} {what}; {_range([side for side in sizes.values() if side is not None])}")
+    notes.append(f"of each the largest centred square is used, at {size} x {size} pixels")
+    return Inspection(str(path), found, (*skipped, *used), (*notes, *showing([*found])))
+
+
+def pixels(size: tuple[int, int] | None) -> str:
+    """Return "width x height"; "" if they are not known."""
+    return "" if size is None else f"{size[0]} x {size[1]}"
+
+
+def _range(sizes: Sequence[tuple[int, int]]) -> str:
+    """Return the smallest and the largest size, by the shorter side."""
+    least, most = (choose(sizes, key=min, default=None) for choose in (min, max))
+    return f"{pixels(least)} pixels" if least == most else f"{pixels(least)} to {pixels(most)} pixels"
+
+
+def holds_materials(path: Path | str) -> bool:
+    """Whether a path clearly holds materials: sub-folders named by maps or lights, texture sets, or an .npz of maps.
+
+    Sub-folders that silhouettes may lie in too, such as `top`, say nothing alone; nor do textures of meshes.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".npz":
+        return _holds_maps(path)
+    if not path.is_dir():
+        return False
+    if any(picture_files(path / name) for name in photographed(path) if name not in UNCLEAR):
+        return True
+    below = [*paths_below(path)]
+    if any(file.suffix.lower() in SHAPES for file in below):
+        return False
+    return any(_is_texture_set(folder) for folder in (path, *below) if folder.is_dir())
+
+
+def _holds_maps(path: Path) -> bool:
+    try:
+        return path.is_file() and {*MAPS} <= {*StoredArrays(path).shapes}
+    except Exception:  # whatever zipfile and NumPy raise at damaged files, of which the reader says what is wrong
+        return False
+
+
+def _is_texture_set(folder: Path) -> bool:
+    """Whether there is one picture for each map, a colour and a roughness map among them."""
+    if not 2 <= len(picture_names(folder)) <= MOST_MAPS:
+        return False
+    try:
+        find_textures(folder)
+    except UserError:
+        return False
+    return True

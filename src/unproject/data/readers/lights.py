@@ -1,0 +1,117 @@
+"""Kinds of photographs of materials: the names of sub-folders, by how their pictures were lit, and what each shows.
+
+What each shows of how maps go together was measured (docs/results.md, "What photographs show of correlations").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from ..._files import paths_below
+from ..._objects import nearest
+from ..._types import UserError
+from ...ops.maps import MAPS
+from .pictures import SUFFIXES as PICTURES
+from .pictures import is_hidden
+from .texture_names import candidates
+
+FLOATING = (".exr", ".hdr")
+SUFFIXES = (*PICTURES, *FLOATING)
+UNREAD = (".heic", ".heif", ".avif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
+"""Of telephones and cameras, which no reader takes."""
+SAVE = "save it as .jpg, .png or .tif"
+ELSE = (
+    "flash, coloured, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural light that "
+    "you give by --probes)"
+)
+NAMED = 3
+"""Sub-folders that a message names at most."""
+
+
+class Kind(NamedTuple):
+    """How photographs of a kind were taken, and what they show of the maps."""
+
+    light: str
+    shows: str
+
+
+KINDS = {
+    "top": Kind("natural light of --probes, from above", "the colours"),
+    "grazing": Kind("natural light of --probes, seen at 80° from the normal", "little but the colours"),
+    "flash": Kind("a flash at the camera", "most of how maps go together"),
+    "lamp": Kind("one lamp, anywhere above", "the colours"),
+    "raking": Kind("one lamp at the left, 60° from the normal", "a little of the relief"),
+    "coloured": Kind(
+        "a red lamp at the left, a green and a blue one 120° and 240° on", "the relief and how maps go with it"
+    ),
+    "ambient": Kind("an overcast sky or a light tent", "how the gloss goes with the colours"),
+    "daylight": Kind("daylight or light of a room that nobody measured", "the colours"),
+}
+"""Name of the sub-folder → kind of photographs, all but `grazing` from above."""
+OBSERVATIONS = (*MAPS, *KINDS)
+"""Names of sub-folders: maps, and photographs by their light and camera."""
+FIRST = ("flash", "coloured", "ambient")
+"""Kinds that determine the maps together, the one that shows most first."""
+
+
+def photographed(path: Path) -> tuple[str, ...]:
+    """The observations that a folder has sub-folders of pictures for, in the order of `OBSERVATIONS`."""
+    return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
+
+
+def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
+    """The pictures in a folder and below it, sorted; hidden ones are none."""
+    below = paths_below(folder) if folder.is_dir() else []
+    return [file for file in below if file.suffix.lower() in suffixes and not is_hidden(file, folder)]
+
+
+def unsorted(path: Path) -> dict[Path, str]:
+    """Return each picture of a folder that no observation is made of, and why: nothing says its light, or it is unread.
+
+    Those that have a sub-folder and are damaged are not among them.
+    """
+    found = {}
+    for file in picture_files(path, (*SUFFIXES, *UNREAD)):
+        first, *below = file.relative_to(path).parts
+        if file.suffix.lower() in UNREAD:
+            found[file] = f"{file.suffix} is not read; {SAVE}"
+        elif not below:
+            found[file] = f"lies in no sub-folder that says its light; move it into one, such as {path / 'daylight'}"
+        elif first not in OBSERVATIONS:
+            found[file] = f"{path / first}: names neither a map nor a light{nearest(first, OBSERVATIONS)}"
+    return found
+
+
+def refuse_unsorted(path: Path) -> None:
+    """Refuse a folder of photographs of which nothing says how they were lit, and whose names are no maps'.
+
+    Raises:
+        UserError: saying into which sub-folders to put them.
+    """
+    files = [*unsorted(path)]
+    if not files or any(candidates(folder) for folder in {file.parent for file in files}):
+        return
+    inside = sorted({file.relative_to(path).parts[0] for file in files if file.parent != path})
+    where = f" in {', '.join(inside[:NAMED])}{', ...' if len(inside) > NAMED else ''}" if inside else ""
+    raise UserError(
+        f"{path}: holds {len(files)} photographs{where} and nothing says their light; put them in sub-folders by it: "
+        f"{path / 'daylight'} for daylight or light of a room that nobody measured; else {ELSE}"
+    )
+
+
+def showing(names: Sequence[str]) -> list[str]:
+    """Return lines of text: what photographs of these observations show of the maps, and what to add first."""
+    taken = [name for name in names if name in KINDS]
+    by_what: dict[str, list[str]] = {}
+    for name in taken:
+        by_what.setdefault(KINDS[name].shows, []).append(name)
+    shown = "; ".join(f"{', '.join(kinds)}: {what}" for what, kinds in by_what.items())
+    lacking = next((name for name in FIRST if name not in taken), None)
+    lines = (
+        [f"they show the maps so far: {shown}"] if shown else ["without photographs nothing says how maps go together"]
+    )
+    if lacking is not None:
+        lines.append(f"what would help most: {lacking}/ ({KINDS[lacking].light}), for {KINDS[lacking].shows}")
+    return lines

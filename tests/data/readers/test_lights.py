@@ -1,0 +1,95 @@
+"""Photographs sorted by their light: what is said of those that are not, and of what those that are show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from unproject._types import UserError
+from unproject.data import OBSERVATIONS, Collection, photographed, refuse_unsorted, unsorted
+from unproject.data.readers.lights import ELSE, FIRST, KINDS, showing
+
+
+def put(*files: Path) -> None:
+    for file in files:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        Image.new("RGB", (20, 16), (120, 90, 60)).save(file)
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(UserError) as error:
+        refuse_unsorted(path)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_a_flat_folder_of_photographs_is_told_where_to_put_them(tmp_path: Path) -> None:
+    put(*(tmp_path / f"IMG_{k}.jpg" for k in range(3)))
+    said = refused(tmp_path)
+    assert said.startswith(f"{tmp_path}: holds 3 photographs and nothing says their light; put them in sub-folders")
+    assert f"{tmp_path / 'daylight'} for daylight or light of a room that nobody measured" in said
+    assert all(name in said for name in KINDS)
+
+
+def test_sub_folders_by_something_else_are_named(tmp_path: Path) -> None:
+    put(*(tmp_path / name / "a.jpg" for name in ("oak", "ash", "elm", "fir")))
+    assert "holds 4 photographs in ash, elm, fir, ... and nothing says their light" in refused(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["oak_diffuse.png", "oak_Roughness.jpg", "oak/oak_nor_gl.png"])
+def test_pictures_that_are_named_as_maps_are_left_to_their_reader(tmp_path: Path, name: str) -> None:
+    put(tmp_path / "IMG_1.jpg", tmp_path / name)
+    refuse_unsorted(tmp_path)
+
+
+def test_what_holds_no_photographs_is_left_to_its_reader(tmp_path: Path) -> None:
+    refuse_unsorted(tmp_path)
+    refuse_unsorted(tmp_path / "missing")
+    put(tmp_path / "flash" / "a.jpg", tmp_path / ".thumbnails" / "b.jpg")
+    refuse_unsorted(tmp_path)
+
+
+def test_pictures_beside_the_sub_folders_are_named_with_the_reason(tmp_path: Path) -> None:
+    put(
+        tmp_path / "flash" / "a.jpg", tmp_path / "loose.jpg", tmp_path / "colored" / "b.png", tmp_path / "oak" / "c.png"
+    )
+    found = {file.relative_to(tmp_path).as_posix(): reason for file, reason in unsorted(tmp_path).items()}
+    assert [*found] == ["colored/b.png", "loose.jpg", "oak/c.png"]
+    assert "names neither a map nor a light. Perhaps you meant 'coloured'" in found["colored/b.png"]
+    assert found["oak/c.png"].endswith("names neither a map nor a light")
+    assert str(tmp_path / "daylight") in found["loose.jpg"]
+    assert photographed(tmp_path) == ("flash",)
+
+
+def test_pictures_of_a_kind_that_is_not_read_are_named(tmp_path: Path) -> None:
+    put(tmp_path / "flash" / "a.jpg")
+    for name in ("flash/b.HEIC", "daylight/c.dng"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"whatever")
+    found = {file.name: reason for file, reason in unsorted(tmp_path).items()}
+    assert found == {
+        "b.HEIC": ".HEIC is not read; save it as .jpg, .png or .tif",
+        "c.dng": ".dng is not read; save it as .jpg, .png or .tif",
+    }
+    assert Collection.photographs(tmp_path, "flash", 16).names == ("flash/a.jpg",)
+    with pytest.raises(UserError, match="holds no picture that can be read: .dng is not, save it as .jpg"):
+        Collection.photographs(tmp_path, "daylight", 16)
+
+
+def test_what_photographs_show_and_what_to_add() -> None:
+    assert showing(["diffuse", "daylight"]) == [
+        "they show the maps so far: daylight: the colours",
+        "what would help most: flash/ (a flash at the camera), for most of how maps go together",
+    ]
+    assert "what would help most: coloured/" in showing(["flash", "ambient"])[1]
+    assert "what would help most: ambient/" in showing(["coloured", "flash"])[1]
+    (only,) = showing(["lamp", "top", *FIRST])
+    assert "lamp, top: the colours; flash: most of how maps go together; coloured: the relief" in only
+    assert showing(["diffuse", "normal"])[0] == "without photographs nothing says how maps go together"
+
+
+def test_every_kind_is_said_once() -> None:
+    assert len(set(OBSERVATIONS)) == len(OBSERVATIONS) and {*FIRST} < {*KINDS} < {*OBSERVATIONS}
+    assert all(name in ELSE for name in KINDS if name != "daylight")
