@@ -25,6 +25,21 @@ def test_what_is_written_is_read(tmp_path: Path, suffix: str, depth: str, tolera
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize("suffix, orientation", [*(("jpg", n) for n in range(1, 9)), ("tif", 6), ("png", 8)])
+def test_pictures_are_turned_as_their_camera_says(tmp_path: Path, suffix: str, orientation: int) -> None:
+    from PIL import Image, ImageOps
+
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    smooth = np.add.outer(np.arange(33) * 5, np.arange(20) * 2)[..., None] + np.zeros(3)
+    Image.fromarray(smooth.astype(np.uint8)).save(tmp_path / f"a.{suffix}", exif=exif)
+    with Image.open(tmp_path / f"a.{suffix}") as picture:
+        upright = np.asarray(ImageOps.exif_transpose(picture)) / 255
+    pixels = read_stored(tmp_path / f"a.{suffix}").pixels
+    assert pixels.shape == upright.shape
+    assert np.abs(pixels - upright).max() < 0.02
+
+
 def test_one_channel(tmp_path: Path) -> None:
     write_picture(tmp_path / "a.png", PIXELS[..., 0], "uint16")
     assert read_stored(tmp_path / "a.png").pixels.shape == (33, 20, 1)

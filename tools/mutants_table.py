@@ -1515,6 +1515,13 @@ LAWS = (
         "test_laws.py::test_precisely_that_law_catches_the_projection",
     ),
     mutant(
+        "pictures: one turned to the left is turned to the right",
+        "_pictures.py",
+        "8: lambda x: x.swapaxes(0, 1)[::-1],",
+        "8: lambda x: x.swapaxes(0, 1)[:, ::-1],",
+        "test_picture_files.py",
+    ),
+    mutant(
         "machine: large blocks lie in heaps",
         "cli/_machine.py",
         "set_option(M_MMAP_THRESHOLD, LARGE)",

@@ -41,7 +41,7 @@ class Picture(NamedTuple):
 
 
 def read_stored(path: str | os.PathLike[str]) -> Picture:
-    """Read all channels of the first image of a file, without conversion of colours.
+    """Read all channels of the first image of a file, turned as its camera says, without conversion of colours.
 
     Raises:
         UserError: if the file is missing, is no picture, is damaged or truncated, or is too large.
@@ -72,7 +72,21 @@ def _read(name: str, file: Any) -> Picture:
     pixels = file.read_image("float")
     if pixels is None or file.has_error:
         raise UserError(f"{name}: damaged or truncated ({_said(file.geterror)}); give a whole file")
-    return Picture(np.atleast_3d(np.asarray(pixels, np.float32)), str(spec.format))
+    turned = TURNED.get(spec.get_int_attribute("Orientation", 1), TURNED[1])
+    return Picture(turned(np.atleast_3d(np.asarray(pixels, np.float32))), str(spec.format))
+
+
+TURNED: dict[int, Callable[[np.ndarray], np.ndarray]] = {
+    1: lambda x: x,
+    2: lambda x: x[:, ::-1],
+    3: lambda x: x[::-1, ::-1],
+    4: lambda x: x[::-1],
+    5: lambda x: x.swapaxes(0, 1),
+    6: lambda x: x.swapaxes(0, 1)[:, ::-1],
+    7: lambda x: x.swapaxes(0, 1)[::-1, ::-1],
+    8: lambda x: x.swapaxes(0, 1)[::-1],
+}
+"""What shows a picture of a value of Exif's Orientation upright."""
 
 
 def _check_size(name: str, width: int, height: int, channels: int) -> None:
