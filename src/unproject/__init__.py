@@ -65,6 +65,7 @@ _HOME = {
     "Regularisers": "unproject.adversarial.regularisers",
     "Sometimes": "unproject.adversarial.augmentation",
     "Solid": "unproject.adversarial.regularisers",
+    "Varied": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
     "Collection": "unproject.data",
     "Recipe": "unproject.training",
@@ -150,6 +151,7 @@ if TYPE_CHECKING:
     from .adversarial.regularisers import Rectilinear as Rectilinear
     from .adversarial.regularisers import Regularisers as Regularisers
     from .adversarial.regularisers import Solid as Solid
+    from .adversarial.regularisers import Varied as Varied
     from .assignment import Assignment as Assignment
     from .assignment import AssignmentState as AssignmentState
     from .assignment import Estimator as Estimator

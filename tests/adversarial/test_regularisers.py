@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from unproject._types import UserError
-from unproject.adversarial.regularisers import Centred, Connected, Rectilinear, Regularisers, Solid
+from unproject.adversarial.regularisers import Centred, Connected, Rectilinear, Regularisers, Solid, Varied
 from unproject.ops.parts import number_parts
 
 
@@ -129,6 +129,66 @@ def test_empty_volumes_are_finite_and_its_weight_falls_geometrically() -> None:
         assert falling(disc, progress).item() == pytest.approx(Rectilinear(weight, weight)(disc, 0.0).item())
 
 
+# Varied
+
+
+def box(x: int, y: int, z: int) -> torch.Tensor:
+    """A box (1, 32, 32, 32) of so many voxels a side."""
+    full = torch.zeros(1, 32, 32, 32)
+    full[:, 2 : 2 + x, 1 : 1 + y, 3 : 3 + z] = 1
+    return full
+
+
+BOX = (8, 12, 16)
+
+
+@pytest.mark.parametrize(
+    "other, differences",
+    [
+        (BOX, (0, 0, 0)),
+        ((4, 6, 8), (0, 0, 0)),
+        ((8, 6, 16), (2, 2, 1)),
+        ((16, 12, 16), (2, 1, 2)),
+        ((8, 12, 8), (1, 2, 2)),
+        ((16, 12, 8), (2, 2, 4)),
+    ],
+)
+def test_varied_of_boxes_by_hand(other: tuple[int, ...], differences: tuple[int, ...]) -> None:
+    apart = [math.log(max(1, ratio)) ** 2 for ratio in differences]
+    by_hand = sum(math.log1p(2 * 0.09 / (square + 1e-3)) for square in apart) / 3
+    dense = Varied(2.0, 2.0, density=20.0)
+    assert dense(torch.cat([box(*BOX), box(*other)]), 0.0).item() == pytest.approx(2 * by_hand, rel=0.01)
+    four = torch.cat([box(*BOX), box(*BOX), box(*other), box(*BOX), box(9, 9, 9)])  # the last is left out
+    of_alike = 2 * math.log1p(2 * 0.09 / 1e-3)
+    assert dense(four, 0.0).item() == pytest.approx((2 * by_hand + of_alike) / 2, rel=0.01)
+
+
+def test_descent_makes_shapes_differ_and_no_more_than_by_the_spread() -> None:
+    sides = torch.tensor([[0.0, 0.01], [0.0, 0.005]], requires_grad=True)
+    height = torch.arange(32.0) - 15.5
+    adam, gap = torch.optim.Adam([sides], 0.01), []
+    for _ in range(150):
+        x, z = (torch.sigmoid(8 * torch.exp(s)[:, None] - height.abs()) for s in sides)
+        volumes_of = x[:, :, None, None] * torch.ones(4)[None, None, :, None] * z[:, None, None, :]
+        loss = Varied(1.0, 1.0, density=20.0)(volumes_of, 0.0) + 0.5 * sides.square().sum()
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+        gap.append((sides[0] - sides[0].mean()).abs().max().item())
+    assert gap[0] < 0.02 and 0.2 < gap[-1] < 1.5
+
+
+def test_a_single_shape_and_empty_ones_have_finite_gradients_of_variety() -> None:
+    for x in (volumes(0.0), volumes(0.0, 0.3)):
+        Varied()(x, 0.0).backward()
+        assert x.grad is not None and x.grad.isfinite().all()
+    assert Varied()(volumes(0.5), 0.0) == 0
+    alike = torch.cat([box(*BOX), box(*BOX)])
+    falling = Varied(0.9, 0.1, until=0.4)
+    for progress, weight in ((0.0, 0.9), (0.4, 0.9), (0.45, 0.3), (0.5, 0.1), (1.5, 0.1)):
+        assert falling(alike, progress).item() == pytest.approx(Varied(weight, weight)(alike, 0.0).item())
+
+
 # Connected
 
 
@@ -197,6 +257,8 @@ def test_several_are_summed_and_see_the_progress() -> None:
         (Rectilinear, {"final": -0.3}),
         (Rectilinear, {"until": 0.0}),
         (Rectilinear, {"density": math.inf}),
+        (Varied, {"weight": -0.1}),
+        (Varied, {"spread": 0.0}),
         (Connected, {"weight": math.nan}),
         (Connected, {"level": 1.0}),
         (Connected, {"volumes": 0}),

@@ -69,11 +69,12 @@ def test_a_run_of_before_recipes_chose_one_goes_on_in_float32(processor: Any, tm
     assert json.loads(file.read_text())["resolved"]["precision"] == "float32"
 
 
-def test_a_run_of_before_plans_were_preferred_rectangular_goes_on_without(processor: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("flag", ["rectilinear", "varied"])
+def test_a_run_of_before_a_preference_goes_on_without(flag: str, processor: Any, tmp_path: Path) -> None:
     processor(avx512_bf16=False)
-    train(shapes(**SMALL, rectilinear=0.0), tmp_path / "run", quiet=True)
+    train(shapes(**SMALL, **{flag: 0.0}), tmp_path / "run", quiet=True)
     file = tmp_path / "run" / "recipe.json"
     stored = json.loads(file.read_text())
-    del stored["arguments"]["rectilinear"]
+    del stored["arguments"][flag]
     file.write_text(json.dumps(stored))
     assert resume(tmp_path / "run", steps=3, quiet=True).step == 3

@@ -13,7 +13,7 @@ import torch
 from unproject._types import UserError
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty
-from unproject.adversarial.regularisers import Connected, Rectilinear, Regularisers, Solid
+from unproject.adversarial.regularisers import Connected, Rectilinear, Regularisers, Solid, Varied
 from unproject.assignment import (
     Known,
     LearnedPrior,
@@ -102,20 +102,25 @@ def test_direct_training(recipe: Callable[..., Recipe], volumes: Path) -> None:
 
 @pytest.mark.parametrize("views, solid", [("predicted", True), ("known", True), ("single", True), ("direct", False)])
 def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any, solid: bool, volumes: Path) -> None:
-    made = shapes(data=volumes, views=views, solid=0.3, rectilinear=0.0, **SMALL)
+    none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}
+    made = shapes(data=volumes, views=views, solid=0.3, **none)
     assert made.regulariser == (Solid(0.3, 0.03) if solid else None)
-    assert shapes(data=volumes, views=views, solid=0.0, rectilinear=0.0, **SMALL).regulariser is None
+    assert shapes(data=volumes, views=views, solid=0.0, **none).regulariser is None
 
 
 @pytest.mark.parametrize("views, unknown", [("predicted", True), ("single", True), ("known", False), ("direct", False)])
-def test_plans_are_preferred_rectangular_where_views_do_not_tell_them(views: Any, unknown: bool, volumes: Path) -> None:
-    made = shapes(data=volumes, views=views, solid=0.0, **SMALL)
+def test_plans_are_preferred_rectangular_and_varied_where_views_do_not_tell_them(
+    views: Any, unknown: bool, volumes: Path
+) -> None:
+    made = shapes(data=volumes, views=views, solid=0.0, varied=0.0, **SMALL)
     assert made.regulariser == (Rectilinear(1.0, 0.3) if unknown else None)
+    made = shapes(data=volumes, views=views, solid=0.0, rectilinear=0.0, **SMALL)
+    assert made.regulariser == (Varied(0.3, 0.3 / 3) if unknown else None)
 
 
 def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:
     both = Regularisers((Solid(0.1, 0.01), Connected(0.5)))
-    none = {"rectilinear": 0.0, **SMALL}
+    none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}
     assert shapes(data=volumes, connected=0.5, **none).regulariser == both
     assert shapes(data=volumes, connected=0.5, solid=0.0, **none).regulariser == Connected(0.5)
     assert shapes(data=volumes, connected=0.5, views="direct", **SMALL).regulariser == Connected(0.5)

@@ -5,7 +5,7 @@ from .augmentation import Affine, Augmentation, AugmentationState, Shift, Someti
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .matching import Matching, MatchingState
 from .penalties import R1R2, GradientPenalty, Penalty
-from .regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid
+from .regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid, Varied
 
 __all__ = [
     "R1R2",
@@ -29,5 +29,6 @@ __all__ = [
     "Shift",
     "Solid",
     "Sometimes",
+    "Varied",
     "Wasserstein",
 ]

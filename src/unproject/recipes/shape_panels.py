@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from .._random import derived_seed
 from .._types import UserError
-from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid
+from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid, Varied
 from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.sampling import spread_rows
@@ -35,16 +35,18 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
 def regulariser_of(
-    views: Views, weights: tuple[float, float, float], projection: Projection, bands: int
+    views: Views, weights: tuple[float, float, float, float], projection: Projection, bands: int
 ) -> Regulariser | None:
-    """Return the preferences whose weight is not zero: for full volumes, for rectangular plans, for one piece.
+    """Return the preferences whose weight is not zero: for full volumes, rectangular plans, variety, one piece.
 
-    Only in silhouettes hollow volumes look full, and only of unknown views any plan may be right. Shapes that are seen
+    Only in silhouettes hollow volumes look full, and only of unknown views any plans may be right. Shapes that are seen
     in cropped pictures are kept in the middle: sideways by level cameras, by others from top to bottom too.
     """
-    solid, rectilinear, connected = weights
+    solid, rectilinear, varied, connected = weights
+    unknown = views not in ("known", "direct")
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
-    terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and views not in ("known", "direct") else []
+    terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and unknown else []
+    terms += [Varied(varied, varied / 3)] if varied and unknown else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)

@@ -154,8 +154,9 @@ def read_origin(path: Path) -> Origin | None:
 def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]:
     """Return what newer flags of our recipes have to be for runs of before there were these flags."""
     older: dict[str, Any] = {"precision": "float32"}
-    if function == "unproject.recipes.shapes:shapes" and "Rectilinear" not in json.dumps(resolved.get("regulariser")):
-        older["rectilinear"] = 0.0
+    if function == "unproject.recipes.shapes:shapes":
+        terms = json.dumps(resolved.get("regulariser"))
+        older |= {flag: 0.0 for flag in ("rectilinear", "varied") if flag.capitalize() not in terms}
     return older
 
 
