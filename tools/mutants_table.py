@@ -510,9 +510,9 @@ LIGHT_AND_MAPS = (
     mutant(
         "maps: specular and roughness are taken for one another",
         "ops/maps.py",
-        '"specular": slice(3, 4), "roughness": slice(4, 5)',
-        '"specular": slice(4, 5), "roughness": slice(3, 4)',
-        "projections/test_rendering.py::test_maps_by_name_are_maps",
+        '"specular": slice(3, rough),\n        "roughness": slice(rough, rough + 1)',
+        '"specular": slice(4, rough + 1),\n        "roughness": slice(3, 4)',
+        "ops/test_maps.py::test_the_places_of_maps_go_by_their_number_of_channels",
     ),
 )
 
@@ -629,8 +629,8 @@ PROJECTIONS = (
     mutant(
         "rendering: the green and the blue lamp change places",
         "projections/rendering.py",
-        "turns = (0.0, THIRD, 2 * THIRD)",
-        "turns = (0.0, 2 * THIRD, THIRD)",
+        "around + lamp * THIRD",
+        "around - lamp * THIRD",
         "projections/test_rendering.py::test_three_coloured_lamps_are_three_pictures_by_one_lamp",
     ),
     mutant(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Materials(NamedTuple):
-    """Maps (N, 8, H, W), how their specular albedo is meant, and (name, reason) of those that were skipped."""
+    """Maps (N, 8 or 10, H, W), how their specular albedo is meant, and (name, reason) of those that were skipped."""
 
     maps: Tensor
     fresnel: Literal["eta", "albedo"]

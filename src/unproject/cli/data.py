@@ -175,9 +175,9 @@ COLUMNS = 8
 def _sheet_of(collection: Collection, out: Path) -> None:
     """64 items spread over the collection: pictures, graphs of line integrals, shaded volumes; or 8 materials."""
     from .. import export
-    from ..ops.maps import CHANNELS
+    from ..ops.maps import are_maps
 
-    if collection.shape[0] == CHANNELS and collection.shape != (CHANNELS,) * 3:
+    if are_maps(collection.batch(slice(1))) and len({*collection.shape}) > 1:
         export.material_sheet(_spread(collection, COLUMNS), [], out)
         return
     items = _spread(collection, COLUMNS**2)

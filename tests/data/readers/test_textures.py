@@ -381,7 +381,7 @@ def test_an_archive_of_maps_is_taken_as_it_is(tmp_path: Path, count: int | None)
         ({"roughness": np.zeros((2, 1, 8, 8), np.float32)}, "roughness is 0"),
         ({"diffuse": np.ones((0, 3, 8, 8), np.float32)}, r"diffuse is of shape \(0, 3, 8, 8\)"),
         ({"roughness": np.ones((8, 8), np.float32)}, r"roughness is of shape \(8, 8\)"),
-        ({"specular": np.ones((2, 3, 8, 8), np.float32)}, r"'specular': give \(N, 1, H, W\)"),
+        ({"specular": np.ones((2, 2, 8, 8), np.float32)}, r"'specular': give \(N, 1, H, W\), or \(N, 3, H, W\) if"),
         ({"normal": np.zeros((2, 3, 8, 8), np.float32)}, "unit length"),
         ({"names": np.array(["one"])}, r"names \(1,\) for 2 materials"),
     ],

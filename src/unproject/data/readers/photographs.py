@@ -17,7 +17,7 @@ from ..._files import paths_below
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
-from ...ops.maps import MAPS
+from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
 from .pictures import SUFFIXES, is_hidden
@@ -28,10 +28,11 @@ OBSERVATIONS = (*MAPS, "top", "grazing", "flash", "lamp", "raking", "coloured", 
 """Names of sub-folders: maps, and photographs by their light and camera."""
 
 
-def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> Found:
+def find_photographs(path: Path, name: str, size: int, strict: bool = False, coloured: bool = False) -> Found:
     """Read the pictures (N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
 
-    The largest centred square of each picture is taken and averaged down.
+    The largest centred square of each picture is taken and averaged down. Of specular maps the mean of the channels is
+    read, or with `coloured` all three.
 
     Raises:
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
@@ -45,7 +46,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
     skipped: dict[str, str] = {}
     for file in files:
         try:
-            found[file.relative_to(path).as_posix()] = photograph(file, name, size)
+            found[file.relative_to(path).as_posix()] = photograph(file, name, size, coloured)
         except UserError as reason:
             if strict:
                 raise
@@ -60,16 +61,17 @@ def photographed(path: Path) -> tuple[str, ...]:
     return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
 
 
-def photograph(file: Path, name: str, size: int) -> Tensor:
+def photograph(file: Path, name: str, size: int, coloured: bool = False) -> Tensor:
     """(C, size, size) of the largest centred square: a map's values, or a photograph as it is."""
-    values = _square(file, name, size)
+    place = places(COLOURED if coloured else CHANNELS).get(name, slice(0, 3))
+    values = _square(file, name, size, place.stop - place.start)
     if name == "roughness":
         return (values**2).clamp(min=SMOOTHEST)
     return _normals(file, values) if name == "normal" else values
 
 
-def _square(file: Path, name: str, size: int) -> Tensor:
-    """As many channels as the map has, or three; colours linear."""
+def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
+    """So many channels; colours linear."""
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
@@ -81,7 +83,6 @@ def _square(file: Path, name: str, size: int) -> Tensor:
         )
     if name == "diffuse" and "int" in stored:
         values = linear_from_srgb(values)
-    wanted = MAPS[name].stop - MAPS[name].start if name in MAPS else 3
     values = centred_square(values[None], size)[0]
     return (values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)).float()
 
