@@ -16,14 +16,16 @@ from unproject._types import UserError
 from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.data import correlated, metal, procedural_probes, wood
+from unproject.domains import Maps
 from unproject.ops.maps import MAPS, luminance, unpack_maps
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
+from unproject.recipes.held_out import held_out
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
-from unproject.training import Recipe, resume, train
+from unproject.training import Origin, Recipe, resume, train
 from unproject.training.description import describe
 from unproject.training.evaluation import projected
 from unproject.training.state import State
@@ -140,6 +142,7 @@ def test_a_coloured_specular_albedo_is_an_option() -> None:
 def test_colours_of_data_are_read_if_asked_for(tmp_path: Path) -> None:
     """Maps of ten channels are learned as eight without the flag, those of eight as ten with it."""
     gold = metal(4, 16, coloured=True)
+    gold[:, 3:6] *= torch.tensor([1.0, 0.7, 0.3])[:, None, None]
     for name, maps in (("ten", gold), ("eight", metal(4, 16))):
         np.savez(tmp_path / f"{name}.npz", **{key: part.numpy() for key, part in unpack_maps(maps).items()})  # pyright: ignore
         for flag, shape in ((False, (1, 16, 16)), (True, (3, 16, 16))):
@@ -147,9 +150,22 @@ def test_colours_of_data_are_read_if_asked_for(tmp_path: Path) -> None:
                 data=tmp_path / f"{name}.npz", observations=("specular",), coloured_specular=flag, **TOY
             )
             assert recipe.panels[0].shape == shape
+            if flag and name == "ten":
+                red, _, blue = recipe.panels[0].projection.mean  # pyright: ignore[reportAttributeAccessIssue]
+                assert red > 2 * blue
     (tmp_path / "folder" / "specular").mkdir(parents=True)
     Image.new("RGB", (16, 16), (255, 196, 87)).save(tmp_path / "folder" / "specular" / "gold.png")
     assert wood_materials(data=tmp_path / "folder", coloured_specular=True, **TOY).panels[0].shape == (3, 16, 16)
+
+
+def test_a_coloured_metal_is_scored_against_coloured_ones() -> None:
+    """Those of the data set that it learns from; what is given is brought to its channels."""
+    coloured = Origin("metal", "", {"coloured_specular": True})
+    found, plain = held_out(coloured, 16, 6), held_out(Origin("metal", "", {}), 16, 6)
+    assert found is not None and plain is not None and found.shape == (6, 10, 16, 16)
+    assert unpack_maps(found)["specular"].std(1).max() > 0.05
+    torch.testing.assert_close(Maps().comparable(found, plain)[:, 3:], plain[:, 3:], atol=1e-6, rtol=0)
+    assert Maps().comparable(plain, found).shape == found.shape and Maps().comparable(found, found) is found
 
 
 def test_a_coloured_metal_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
