@@ -172,7 +172,9 @@ def to_srgb(linear: np.ndarray) -> np.ndarray:
 def _note(material: Material, sheets: dict[str, Sheet], fresnel: Fresnel, eta: float) -> dict[str, Any]:
     height, width, _ = material.basecolor.shape
     about = {name: {"quantity": _MEANING[name], **sheet._asdict()} for name, sheet in sheets.items()}
-    about["basecolor"]["primaries"] = "Rec. 709, as sRGB"
+    for name in ("basecolor", "specular"):
+        if getattr(material, name).shape[-1] == 3:
+            about[name]["primaries"] = "Rec. 709, as sRGB"
     return {
         "format": "unproject material",
         "width": width,
