@@ -614,6 +614,13 @@ LIGHT_AND_MAPS = (
         "recipes/test_materials.py::test_a_coloured_metal_is_scored_against_coloured_ones",
     ),
     mutant(
+        "matching: what all real images share outweighs all else",
+        "adversarial/matching.py",
+        ".masked_fill(alike, 1.0)",
+        "",
+        "adversarial/test_matching.py::test_what_all_real_images_share_counts_as_much_as_the_rest",
+    ),
+    mutant(
         "report: a coloured reflectance is shown grey",
         "report/materials.py",
         "if specular.shape[-1] == 3:",

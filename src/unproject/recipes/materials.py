@@ -49,6 +49,8 @@ from .material_panels import (
 
 PENALTY_SCALE = 20.0
 NATURAL_LIGHT_WEIGHT = 0.5
+ALIKE = 1e-5
+"""Deviation of a statistic below which all images have it: of speculars of three channels few may have a colour."""
 ALL = 2**31
 """More pictures than any folder has."""
 
@@ -135,7 +137,7 @@ def materials(
         panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
-        matching=Matching(matching, matching / 4) if matching else None,
+        matching=Matching(matching, matching / 4, alike=ALIKE if coloured_specular else None) if matching else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         balance_every=16,
