@@ -99,6 +99,12 @@ class Materials:
         x[:, 7] = 0.9
         return x
 
+    @staticmethod
+    def coloured() -> Tensor:
+        """The same with three specular channels."""
+        x = Materials.example()
+        return torch.cat([x[:, :4], x[:, 3:4].flip(2), x[:, 3:4].flip(3), x[:, 4:]], 1)
+
 
 class ExpectedDepth(Projection):
     """The example of the documentation."""
@@ -134,6 +140,17 @@ def test_renderings_obey_the_laws(name: str) -> None:
     look = RENDERINGS[name]
     prior = rendering_prior(look, 0.7, spread=0.6)
     check_projection(Observation(name, look, prior), Materials.example())
+
+
+@pytest.mark.parametrize("name", [name for name in RENDERINGS if "texture" in name])
+def test_renderings_of_coloured_specular_albedos_obey_the_laws(name: str) -> None:
+    look = RENDERINGS[name]
+    check_projection(Observation(name, look, rendering_prior(look, 0.7, spread=0.6)), Materials.coloured())
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_selections_of_coloured_specular_albedos_obey_the_laws(name: MapName) -> None:
+    check_projection(Observation(name, Selection(name)), Materials.coloured())
 
 
 @pytest.mark.parametrize("name", PRIORS)

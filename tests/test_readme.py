@@ -60,6 +60,9 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "my_wood").mkdir()
     for name, value in (("Color", (120, 90, 60)), ("Roughness", (130, 130, 130)), ("NormalGL", (128, 128, 255))):
         Image.new("RGB", (16, 16), value).save(tmp_path / "my_wood" / f"Wood_{name}.png")
+    (tmp_path / "my_copper").mkdir()
+    for name, value in (("Color", (250, 208, 192)), ("Roughness", (130, 130, 130)), ("Metalness", (255, 255, 255))):
+        Image.new("RGB", (16, 16), value).save(tmp_path / "my_copper" / f"Copper_{name}.png")
     for name in ("diffuse", "top", "flash"):
         (tmp_path / "my_photos" / name).mkdir(parents=True)
         for k in range(4):

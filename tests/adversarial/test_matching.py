@@ -90,3 +90,23 @@ def test_its_weight_falls_and_makes_up_for_the_updates_without_it() -> None:
 def test_settings_out_of_range(settings: dict[str, float]) -> None:
     with pytest.raises(UserError, match="give a positive weight"):
         Matching(**settings)
+
+
+def test_what_all_real_images_share_counts_as_much_as_the_rest() -> None:
+    """If asked for: of grey pictures all statistics of colours are alike; a little colour is no thousandfold loss."""
+
+    def grey(n: int, seed: int, colour: float = 0.0) -> Tensor:
+        rng = generator_at(seed)
+        contrast = 0.1 + 0.1 * torch.rand(n, 1, 1, 1, generator=rng)
+        x = contrast * torch.randn(n, 1, 16, 16, generator=rng) + 0.5
+        return x + colour * torch.randn(n, 3, 16, 16, generator=rng)
+
+    losses = {}
+    for alike in (None, 1e-5):
+        for colour in (0.0, 0.02):
+            state = Matching(alike=alike).begin(grey(200, 0))
+            for k in range(40):
+                loss = state(grey(8, 1 + k, colour))
+            losses[alike, colour] = loss.item()
+    assert losses[None, 0.02] > 100
+    assert losses[1e-5, 0.0] + 0.1 < losses[1e-5, 0.02] < 3

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from unproject._pictures import read_stored
 from unproject.cli import main
 
 
@@ -65,6 +67,25 @@ def test_pictures_and_strips(maps: Path, tmp_path: Path, capsys: pytest.CaptureF
     with Image.open(tmp_path / "s.gif") as picture:
         assert getattr(picture, "n_frames", 1) >= 1 and picture.size == (12, 12)
     assert "s.gif: 4 pictures of 12×12" in capsys.readouterr().out
+
+
+def test_textures_of_gold_are_golden_if_asked_for(tmp_path: Path) -> None:
+    """Rendered and exported; without the flag they have gold's luminance."""
+    gold = tmp_path / "gold"
+    gold.mkdir()
+    Image.new("RGB", (16, 16), (255, 226, 157)).save(gold / "color.png")
+    for name, value in (("metallic", 255), ("roughness", 128)):
+        Image.new("L", (16, 16), value).save(gold / f"{name}.png")
+    for flags, wanted in (((), ()), (("--coloured-specular",), (1, 0.76, 0.337))):
+        out = tmp_path / f"{len(flags)}"
+        assert render(gold, "--light", "directional:0", "--out", f"{out}.npy", *flags) == 0
+        red, _, blue = np.load(f"{out}.npy")[8, 8]
+        assert red / blue == pytest.approx(1 / 0.337 if wanted else 1, rel=0.02)
+        assert main(["export", str(gold), "--to", "maps", "--depth", "float", "--out", str(out), *flags]) == 0
+        stored = read_stored(out / "specular.exr").pixels[0, 0]
+        assert stored.tolist() == pytest.approx(wanted or [0.7805], abs=0.005)
+        about = json.loads((out / "material.json").read_text(encoding="utf-8"))["maps"]["specular"]
+        assert ("primaries" in about) == bool(wanted)
 
 
 def test_several_materials_and_what_they_say_of_themselves(tmp_path: Path) -> None:

@@ -41,14 +41,20 @@ def a_material(seed=0, height=6, width=9, diffuse=1.0, specular=1.0, roughness=1
     return maps.astype(np.float32)
 
 
+def coloured(maps, *tints):
+    """The same with k_s of three channels, the one times each tint (default: 1, 0.7, 0.3)."""
+    tint = np.array(tints or (1, 0.7, 0.3), np.float32)[:, None, None]
+    return np.concatenate([maps[:3], maps[3:4] * tint, maps[4:]])
+
+
 def expected(maps, f0=UNIT):
     """The four quantities as (H, W, C), by this test's own arithmetic."""
     x = np.moveaxis(maps.astype(np.float64), 0, -1)
     return {
         "basecolor": x[..., :3],
-        "specular": f0 * x[..., 3:4],
-        "roughness": x[..., 4:5] ** 0.5,
-        "normal": x[..., 5:],
+        "specular": f0 * x[..., 3:-4],
+        "roughness": x[..., -4:-3] ** 0.5,
+        "normal": x[..., -3:],
     }
 
 
@@ -87,10 +93,11 @@ DEPTHS = {"8": ("png", 0.51 / 255), "16": ("png", 0.51 / 65535), "half": ("exr",
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("tinted", [False, True])
 @pytest.mark.parametrize("fresnel, eta, f0", [("eta", 1.5, UNIT), ("eta", 3.0, 0.25), ("albedo", 1.5, 1.0)])
-def test_the_pictures_hold_the_material(tmp_path, depth, fresnel, eta, f0):
+def test_the_pictures_hold_the_material(tmp_path, depth, fresnel, eta, f0, tinted):
     suffix, tolerance = DEPTHS[depth]
-    maps = a_material()
+    maps = coloured(a_material()) if tinted else a_material()
     written = export.material_maps(torch.from_numpy(maps), tmp_path / "wood", depth=depth, fresnel=fresnel, eta=eta)
     names = ["basecolor", "normal", "roughness", "specular"]
     assert [p.name for p in written.paths] == [*(f"{n}.{suffix}" for n in names), "material.json"]
@@ -185,8 +192,11 @@ def evaluated(node, name, folder):
         return np.asarray(value if isinstance(value, float) else value.asTuple(), np.float64)
     output = source.getConnectedOutput()
     upstream = output.getConnectedNode() if output else source.getConnectedNode()
-    if upstream.getCategory() == "multiply":
-        return evaluated(upstream, "in1", folder) * evaluated(upstream, "in2", folder)
+    operations = {"multiply": np.multiply, "divide": np.divide, "max": np.maximum}
+    if upstream.getCategory() in operations:
+        return operations[upstream.getCategory()](*(evaluated(upstream, part, folder) for part in ("in1", "in2")))
+    if upstream.getCategory() == "extract":
+        return evaluated(upstream, "in", folder)[..., upstream.getInput("index").getValue()][..., None]
     if upstream.getCategory() == "normalmap":
         return 2 * evaluated(upstream, "in", folder) - 1
     assert upstream.getCategory() == "image"
@@ -219,6 +229,28 @@ def test_materialx_reads_back_the_material(tmp_path, fresnel, specular, depth):
     np.testing.assert_allclose(f0, np.broadcast_to(want["specular"], f0.shape), atol=2e-5)
 
 
+@pytest.mark.parametrize("tints", [(1, 0.7, 0.3), (0.2, 0.5, 1), (1, 1, 1), (0, 0, 0)])
+@pytest.mark.parametrize("fresnel, specular", [("eta", 1.0), ("albedo", 0.8), ("albedo", 1.0)])
+@pytest.mark.parametrize("depth", ["16", "float"])
+def test_materialx_reads_back_a_coloured_reflectance(tmp_path, fresnel, specular, depth, tints):
+    """As a weight, by which the base is dimmed, and a colour whose largest channel reflects all that the index does."""
+    maps = coloured(a_material(specular=specular), *tints)
+    export.material_x(maps, tmp_path, depth=depth, fresnel=fresnel)
+    document, valid, message = library_document(tmp_path / "material.mtlx")
+    assert valid, message
+    surface = document.getMaterialNodes()[0].getInput("surfaceshader").getConnectedNode()
+    weight, colour, index = (evaluated(surface, k, tmp_path) for k in ("specular", "specular_color", "specular_IOR"))
+    unit = ((index - 1) / (index + 1)) ** 2
+    want = expected(maps, UNIT if fresnel == "eta" else 1.0)["specular"]
+    np.testing.assert_allclose(weight * colour * unit, want, atol=2e-5)
+    assert weight.max() <= 1 + 1e-5 and weight.shape == (*want.shape[:2], 1)
+    assert colour.max() <= max(1, want.max() / 0.9) * 1.02  # what no weight can say, and rounding
+    if any(tints):
+        lit = want.max(-1) > 1e-3
+        largest = colour.max(-1)[lit]
+        np.testing.assert_allclose(largest, largest.mean(), rtol=2e-2 if depth == "16" else 1e-4)
+
+
 def test_the_index_is_eta_while_it_can_be(tmp_path):
     assert lobe_for(UNIT, "eta", 1.5) == (1.5, 1) and lobe_for(0.01, "eta", 1.5) == (1.5, 1)
     assert lobe_for(0.25, "albedo", 1.5).ior == pytest.approx(3) and lobe_for(0.25, "eta", 1.5).ior == pytest.approx(3)
@@ -236,13 +268,15 @@ def test_the_colour_space_is_the_files(tmp_path, depth, space):
     assert all((tmp_path / file.getValueString()).is_file() for file in files.values())
 
 
-def test_materialx_makes_a_shader_of_it(tmp_path):
+@pytest.mark.parametrize("tinted", [False, True])
+def test_materialx_makes_a_shader_of_it(tmp_path, tinted):
     pytest.importorskip("MaterialX")
     import MaterialX as mx  # noqa: N813
     from MaterialX.PyMaterialXGenGlsl import GlslShaderGenerator
     from MaterialX.PyMaterialXGenShader import GenContext
 
-    export.material_x(a_material(diffuse=1.5), tmp_path)
+    maps = a_material(diffuse=1.5)
+    export.material_x(coloured(maps) if tinted else maps, tmp_path)
     document, *_ = library_document(tmp_path / "material.mtlx")
     generator = GlslShaderGenerator.create()
     context = GenContext(generator)
@@ -308,7 +342,9 @@ BLACK = some(2) * np.array([1, 1, 1, 0, 1, 1, 1, 1], np.float32)[:, None, None]
 
 
 @pytest.mark.parametrize(
-    "maps", [some(1), some(5, diffuse=1.5, specular=40.0), BLACK], ids=["one", "brighter than 1", "no specular"]
+    "maps",
+    [some(1), some(5, diffuse=1.5, specular=40.0), BLACK, np.stack([coloured(x) for x in some(2)])],
+    ids=["one", "brighter than 1", "no specular", "coloured"],
 )
 def test_the_official_validator_finds_no_fault(tmp_path, maps):
     export.material_gltf(maps, tmp_path / "planes.glb")
@@ -326,8 +362,10 @@ def test_the_validator_does_find_faults(tmp_path):
 
 @pytest.mark.parametrize("fresnel, f0", [("eta", UNIT), ("albedo", 1.0)])
 @pytest.mark.parametrize("diffuse, specular", [(1.0, 1.0), (1.6, 1.2), (0.5, 0.1)])
-def test_the_embedded_pictures_hold_the_material(tmp_path, fresnel, f0, diffuse, specular):
+@pytest.mark.parametrize("tinted", [False, True])
+def test_the_embedded_pictures_hold_the_material(tmp_path, fresnel, f0, diffuse, specular, tinted):
     maps = np.stack([a_material(seed, diffuse=diffuse, specular=specular) for seed in (3, 4)])
+    maps = np.stack([coloured(x) for x in maps]) if tinted else maps
     export.material_gltf(maps, tmp_path / "two.glb", fresnel=fresnel)
     file = Glb(tmp_path / "two.glb")
     assert len(file.tree["materials"]) == 2
@@ -346,7 +384,9 @@ def test_the_embedded_pictures_hold_the_material(tmp_path, fresnel, f0, diffuse,
         np.testing.assert_allclose(
             reflected, np.broadcast_to(to_srgb(want["specular"] / brightest), reflected.shape), atol=HALF
         )
-        np.testing.assert_allclose(brightest * from_srgb(reflected), want["specular"].repeat(3, -1), rtol=0, atol=0.006)
+        np.testing.assert_allclose(
+            brightest * from_srgb(reflected), np.broadcast_to(want["specular"], reflected.shape), rtol=0, atol=0.006
+        )
         rough = file.pixels(pbr["metallicRoughnessTexture"])
         np.testing.assert_allclose(rough[..., 1:2], want["roughness"], atol=HALF)
         assert (rough[..., 2] == 0).all()

@@ -52,6 +52,18 @@ def test_fields_of_known_correlation():
             assert value == pytest.approx(expected.get(pair, 0), abs=0.03)
 
 
+def test_a_coloured_specular_albedo_counts_by_its_luminance():
+    """Noise whose luminance is 0 is not seen, that of green is."""
+    a, b = noise(200, 16, 0), noise(200, 16, 1)
+    x = materials(a, a, b)
+    swing = b[:, None] * torch.tensor([0.7152, -0.2126, 0.0])[:, None, None]
+    three = torch.cat([x[:, :3], x[:, 3:4] + swing, x[:, 4:]], 1)
+    table = map_correlations(three)
+    torch.testing.assert_close(table.values, map_correlations(x).values, atol=1e-4, rtol=0)
+    three[:, 4] = b
+    assert map_correlations(three).values[0, PAIRS.index(("specular", "roughness"))] > 0.5
+
+
 def test_scales_are_told_apart():
     """Two maps that agree in what is coarse and are opposite in what is fine."""
     fine, coarse = noise(50, 64, 0), smooth(50, 64, 1, period=24)

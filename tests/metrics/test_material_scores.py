@@ -9,7 +9,7 @@ from torch.nn.functional import avg_pool2d, interpolate, normalize
 from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.metrics import Score, material_scores
-from unproject.ops.maps import MAPS, check_maps
+from unproject.ops.maps import MAPS, check_maps, with_specular
 
 PATCHES = [f"patch_{name}" for name in MAPS]
 KERNELS = [f"kernel_{name}" for name in MAPS]
@@ -103,6 +103,19 @@ def test_one_bad_map_is_named(baseline):
         assert worse if name == "roughness" else scores[f"patch_{name}"] == baseline[f"patch_{name}"]
     assert scores["kernel_roughness"] > baseline["kernel_roughness"] + 0.1
     assert scores["precision"] < baseline["precision"]
+
+
+def test_specular_colours_that_change_places_are_seen():
+    """By the scores of the specular map, and of no other; three equal channels keep the correlations of one."""
+    tint = torch.tensor([1.2, 1.0, 0.6])[:, None, None]
+    truth, other = (torch.cat([x[:, :3], x[:, 3:4] * tint, x[:, 4:]], 1) for x in (TRUTH, OTHER))
+    swapped = torch.cat([other[:, :3], other[:, 3:6].flip(1), other[:, 6:]], 1)
+    good, bad = (values(material_scores(x, truth)) for x in (other, swapped))
+    assert bad["patch_specular"] > 2 * good["patch_specular"] and bad["kernel_specular"] > good["kernel_specular"] + 1
+    assert all(bad[name] == good[name] for name in PATCHES + KERNELS if "specular" not in name)
+    grey, own = (material_scores(with_specular(x, 3), with_specular(TRUTH, 3)) for x in (OTHER, TRUTH))
+    assert grey["correlation_error"].value == pytest.approx(material_scores(OTHER, TRUTH)["correlation_error"].value)
+    assert own["patch_specular"].value == 0
 
 
 def test_a_collapsed_set_lacks_diversity_and_recall(baseline):

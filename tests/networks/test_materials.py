@@ -11,41 +11,53 @@ from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
 from unproject.networks.texture_noise import normal_noise, stretched, white_noise
-from unproject.ops.maps import MAPS, check_maps
+from unproject.ops.maps import MAPS, check_maps, places, unpack_maps
 from unproject.testing import check_generator
 
 
-def made(kind: str) -> Generator:
+def made(kind: str, specular: int = 1) -> Generator:
     with seeded(0):
         return (
-            DCGANMaterials(16, channels=32, code_size=24)
+            DCGANMaterials(16, channels=32, code_size=24, specular_channels=specular)
             if kind == "dcgan"
-            else StationaryMaterials(32, 24, places=3, channels=32, least=8)
+            else StationaryMaterials(32, 24, places=3, channels=32, least=8, specular_channels=specular)
         )
 
 
+COLOURS = pytest.mark.parametrize("specular", [1, 3])
 BOTH = pytest.mark.parametrize("kind", ["dcgan", "stationary"])
 
 
 @BOTH
-def test_they_obey_the_laws(kind: str) -> None:
-    check_generator(made(kind), low=-1, high=3)
+@COLOURS
+def test_they_obey_the_laws(kind: str, specular: int) -> None:
+    check_generator(made(kind, specular), low=-1, high=3)
 
 
 @BOTH
-def test_they_make_what_can_be_a_material(kind: str) -> None:
-    x = made(kind).sample(5, seed=1)
-    assert x.shape == (5, 8, *[16 if kind == "dcgan" else 32] * 2)
+@COLOURS
+def test_they_make_what_can_be_a_material(kind: str, specular: int) -> None:
+    x = made(kind, specular).sample(5, seed=1)
+    assert x.shape == (5, 7 + specular, *[16 if kind == "dcgan" else 32] * 2)
     check_maps(x)
-    assert x[:, 7].min() > 0
+    assert x[:, -1].min() > 0
+    colours = unpack_maps(x)["specular"].std(1, correction=0)
+    assert (colours.min() > 0) == (specular == 3)
 
 
 @BOTH
-def test_every_map_learns(kind: str) -> None:
+def test_a_specular_albedo_has_one_channel_or_three(kind: str) -> None:
+    with pytest.raises(UserError, match="give 1, or 3"):
+        made(kind, 2)
+
+
+@BOTH
+@COLOURS
+def test_every_map_learns(kind: str, specular: int) -> None:
     """Each branch gets a gradient from its own map and none from another's; what they share gets one from each."""
-    generator = made(kind).train()
+    generator = made(kind, specular).train()
     code = generator.draw(4, generator_at(2))
-    for name, place in MAPS.items():
+    for name, place in places(7 + specular).items():
         generator.zero_grad()
         generator(code)[:, place].square().sum().backward()
         for other in MAPS:

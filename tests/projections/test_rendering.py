@@ -13,7 +13,7 @@ from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.data import correlated
 from unproject.ops.exposure import develop
-from unproject.ops.maps import check_maps, pack_maps, unpack_maps
+from unproject.ops.maps import check_maps, of_colour, pack_maps, unpack_maps, with_specular
 from unproject.ops.microfacet import Reflection
 from unproject.ops.shading import Sampling
 from unproject.projections.observation import Observation
@@ -81,6 +81,66 @@ def test_three_coloured_lamps_are_three_pictures_by_one_lamp() -> None:
     for k in range(3):
         one = linear("directional")(x, **theta, light_azimuth=around + k * 2 * math.pi / 3)
         torch.testing.assert_close(seen[:, k], one[:, k], atol=1e-6, rtol=1e-5)
+
+
+def coloured(count: int = 2) -> Tensor:
+    """Maps of ten channels, and no two equal."""
+    x = torch.rand(count, 10, 4, 4, generator=generator_at(6)) * 0.5 + 0.2
+    x[:, 7:9] -= 0.45
+    return x
+
+
+LIT = {
+    "ambient": linear("ambient"),
+    "directional": linear("directional"),
+    "coloured": linear("coloured"),
+    "natural": linear(torch.rand(2, 3, 8, 16, generator=generator_at(7)) + 0.1),
+    "paper's": Rendering("ambient", Reflection("eta"), Sampling(16, gradient="differences")),
+}
+
+
+def latents_of(rendering: Rendering, count: int = 2) -> dict[str, Tensor]:
+    return rendering_prior(rendering, 0.4).sample(count, generator_at(8))
+
+
+@pytest.mark.parametrize("name", LIT)
+def test_three_equal_specular_channels_are_one(name: str) -> None:
+    """Of the picture, and of its gradients: that of one channel is the sum over three."""
+    rendering, one = LIT[name], of_colour(coloured(), 0)
+    found = []
+    for x in (one, with_specular(one, 3)):
+        x = x.requires_grad_()
+        seen = rendering(x, **latents_of(rendering))
+        weight = torch.rand(seen.shape, generator=generator_at(9))
+        found.append((seen.detach(), unpack_maps(torch.autograd.grad((seen * weight).sum(), x)[0])))
+    (a, by_a), (b, by_b) = found
+    torch.testing.assert_close(b, a)
+    by_b["specular"] = by_b["specular"].sum(1, keepdim=True)
+    for key, gradient in by_a.items():
+        torch.testing.assert_close(by_b[key], gradient, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", LIT)
+def test_each_colour_is_reflected_by_its_own_specular_channel(name: str) -> None:
+    """Whatever the others are; in the picture and in the gradient."""
+    rendering, x = LIT[name], coloured()
+    theta = latents_of(rendering)
+    seen = rendering(x, **theta)
+    for k in range(3):
+        torch.testing.assert_close(seen[:, k], rendering(of_colour(x, k), **theta)[:, k])
+        leaf = x.clone().requires_grad_()
+        (slope,) = torch.autograd.grad(rendering(leaf, **theta)[:, k].sum(), leaf)
+        moved = [bool(slope[:, 3 + j].any()) for j in range(3)]
+        assert moved == [j == k for j in range(3)]
+
+
+def test_gold_is_golden() -> None:
+    """A mirror of F0 (1, 0.77, 0.34) shows a white light in that colour, at normal incidence."""
+    f0 = torch.tensor([1.0, 0.77, 0.34])
+    x = torch.zeros(1, 10, 5, 5)
+    x[:, 3:6], x[:, 6], x[:, 9] = f0.view(1, 3, 1, 1), 0.3, 1
+    seen = linear("directional")(x, view=angle(0), light=angle(0), light_azimuth=angle(0))[0, :, 2, 2]
+    torch.testing.assert_close(seen / seen[0], f0 / f0[0], rtol=1e-4, atol=0)
 
 
 def test_coloured_lamps_tell_whether_relief_goes_with_albedo() -> None:
@@ -271,6 +331,10 @@ def bad(name: str, change) -> dict[str, Tensor]:  # type: ignore[no-untyped-def]
         (bad("roughness", lambda m: m * 0), "positive"),
         (bad("diffuse", lambda d: d[:, :1]), r"give \(N, 3, H, W\)"),
         (bad("specular", lambda s: s[..., 1:]), "one number and size"),
+        (
+            bad("specular", lambda s: s.expand(-1, 2, -1, -1)),
+            r"give \(N, 1, H, W\), or \(N, 3, H, W\) if it is coloured",
+        ),
         ({"diffuse": torch.ones(1, 3, 4, 4)}, "missing"),
     ],
 )

@@ -16,15 +16,18 @@ from unproject._types import UserError
 from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.data import correlated, metal, procedural_probes, wood
-from unproject.ops.maps import MAPS
+from unproject.domains import Maps
+from unproject.ops.maps import MAPS, luminance, unpack_maps
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
+from unproject.recipes.held_out import held_out
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.testing import check_prior, check_projection
-from unproject.training import Recipe, resume, train
+from unproject.training import Origin, Recipe, resume, train
+from unproject.training.description import describe
 from unproject.training.evaluation import projected
 from unproject.training.state import State
 
@@ -88,9 +91,10 @@ def test_discriminators_of_photographs_are_penalised_more() -> None:
     assert {panel.penalty_scale for name, panel in found.items() if name not in MAPS} == {7.0}
 
 
+@pytest.mark.parametrize("coloured", [False, True])
 @pytest.mark.parametrize("name", sorted(MIRRORED))
-def test_a_mirror_image_is_the_projection_of_the_mirrored_material(name: str) -> None:
-    maps = correlated(3, 16, 0)
+def test_a_mirror_image_is_the_projection_of_the_mirrored_material(name: str, coloured: bool) -> None:
+    maps = correlated(3, 16, 0, coloured=coloured)
     natural = procedural_probes(8)[0][:1]
     observed = Observation(name, Identity()) if name == "itself" else observation_of(name, natural, 1024)
     drawn = observed.prior.sample(3, torch.Generator().manual_seed(0))
@@ -143,6 +147,73 @@ def test_the_procedural_data_sets_differ() -> None:
         (panel,) = recipe(observations=("specular",), maps=8, **TOY).panels
         shine.append(panel.projection.mean[0])
     assert shine[1] > 3 * shine[0]
+
+
+def test_a_coloured_specular_albedo_is_an_option() -> None:
+    """Without it a recipe is described as before there was the flag, so that older runs resume."""
+    plain, coloured = (
+        metal_materials(maps=4, renderings=2, **TOY, **flag) for flag in ({}, {"coloured_specular": True})
+    )
+    assert describe(plain)["generator"]["arguments"] == {"size": 16, "channels": 16}
+    assert plain.generator().sample(1).shape[1] == 8 and coloured.generator().sample(1).shape[1] == 10
+    before, now = panels(plain), panels(coloured)
+    assert before["specular"].shape == (1, 16, 16) and now["specular"].shape == (3, 16, 16)
+    rows = torch.arange(4)
+    assert torch.equal(before["roughness"].batch(rows), now["roughness"].batch(rows))
+    one, three = (found["specular"].projection.restore(found["specular"].batch(rows)) for found in (before, now))  # pyright: ignore
+    torch.testing.assert_close(luminance(three), one, atol=1e-5, rtol=0)
+
+
+def test_colours_of_data_are_read_if_asked_for(tmp_path: Path) -> None:
+    """Maps of ten channels are learned as eight without the flag, those of eight as ten with it."""
+    gold = metal(4, 16, coloured=True)
+    gold[:, 3:6] *= torch.tensor([1.0, 0.7, 0.3])[:, None, None]
+    for name, maps in (("ten", gold), ("eight", metal(4, 16))):
+        np.savez(tmp_path / f"{name}.npz", **{key: part.numpy() for key, part in unpack_maps(maps).items()})  # pyright: ignore
+        for flag, shape in ((False, (1, 16, 16)), (True, (3, 16, 16))):
+            recipe = wood_materials(
+                data=tmp_path / f"{name}.npz", observations=("specular",), coloured_specular=flag, **TOY
+            )
+            assert recipe.panels[0].shape == shape
+            if flag and name == "ten":
+                red, _, blue = recipe.panels[0].projection.mean  # pyright: ignore[reportAttributeAccessIssue]
+                assert red > 2 * blue
+    (tmp_path / "folder" / "specular").mkdir(parents=True)
+    Image.new("RGB", (16, 16), (255, 196, 87)).save(tmp_path / "folder" / "specular" / "gold.png")
+    assert wood_materials(data=tmp_path / "folder", coloured_specular=True, **TOY).panels[0].shape == (3, 16, 16)
+
+
+def test_a_coloured_metal_is_scored_against_coloured_ones() -> None:
+    """Those of the data set that it learns from; what is given is brought to its channels."""
+    coloured = Origin("metal", "", {"coloured_specular": True})
+    found, plain = held_out(coloured, 16, 6), held_out(Origin("metal", "", {}), 16, 6)
+    assert found is not None and plain is not None and found.shape == (6, 10, 16, 16)
+    assert unpack_maps(found)["specular"].std(1).max() > 0.05
+    torch.testing.assert_close(Maps().comparable(found, plain)[:, 3:], plain[:, 3:], atol=1e-6, rtol=0)
+    assert Maps().comparable(plain, found).shape == found.shape and Maps().comparable(found, found) is found
+
+
+def test_a_coloured_metal_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run, flags = str(tmp_path / "run"), [f"--{key.replace('_', '-')}={value}" for key, value in TOY.items()]
+    train = ["train", "metal", "--coloured-specular", "--maps", "6", "--renderings", "4", *flags]
+    assert main([*train, "--out", run, "--quiet"]) == 0
+    assert main(["resume", run, "--steps", "3", "--quiet"]) == 0
+    assert main(["sample", run, "--n", "3", "--out", str(tmp_path / "s.npz")]) == 0
+    with np.load(tmp_path / "s.npz") as arrays:
+        assert arrays["specular"].shape == (3, 3, 16, 16)
+        sampled = arrays["specular"]
+    for source in (run, str(tmp_path / "s.npz")):
+        for to in ("maps", "mtlx", "gltf", "png", "npz"):
+            assert main(["export", source, "--to", to, "--n", "2", "--out", str(tmp_path / f"{to}-{len(source)}")]) == 0
+    with np.load(tmp_path / f"npz-{len(run)}" / "samples.npz") as arrays:
+        assert np.array_equal(arrays["specular"], sampled[:2])
+    assert main(["render", str(tmp_path / "s.npz"), "--samples", "8", "--out", str(tmp_path / "s.png")]) == 0
+    for reference in ([], ["--reference", str(tmp_path / "eight.npz")]):
+        np.savez(tmp_path / "eight.npz", **{key: part.numpy() for key, part in unpack_maps(metal(8, 16)).items()})  # pyright: ignore
+        capsys.readouterr()
+        assert main(["evaluate", run, "--n", "8", "--json", *reference]) == 0
+        assert "patch_specular" in json.loads(capsys.readouterr().out)
+    assert main(["report", run]) == 0
 
 
 def test_the_papers_recipe_has_the_papers_choices() -> None:

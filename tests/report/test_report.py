@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import re
+import shutil
+import subprocess
 from collections.abc import Callable
 from functools import partial
 from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +23,14 @@ from torch import Tensor, nn
 from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.cli._report import leave_report
-from unproject.data import Collection, chairs
+from unproject.data import Collection, chairs, metal
+from unproject.domains import Maps
 from unproject.networks import Discriminator, Generator, LowRankGenerator
-from unproject.projections import Identity
+from unproject.ops.microfacet import Reflection
+from unproject.projections import Identity, Rendering
 from unproject.projections.observation import Observation
 from unproject.report import write_report, writing
+from unproject.report.materials import material_data
 from unproject.training import Recipe, Run, train
 
 SIDE = 16
@@ -141,6 +148,38 @@ def test_a_material_can_be_lit(runs: Callable[[str], Run], tmp_path: Path) -> No
     assert (data["kind"], data["width"], data["height"]) == ("materials", SIDE, SIDE)
     first = data["items"][0]  # pyright: ignore[reportIndexIssue]
     assert len(base64.b64decode(first["colour"])) == len(base64.b64decode(first["relief"])) == 4 * SIDE * SIDE
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+def test_a_texel_is_shaded_as_the_operator_does(coloured: bool, tmp_path: Path) -> None:
+    """By the viewer's formula without WebGL, up to its eight bits."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs node")
+    maps = metal(1, 16, seed=3, coloured=coloured)
+    maps[:, 3:-4] *= torch.tensor([1.0, 0.6, 0.3])[: maps.shape[1] - 7, None, None]
+    data = material_data(maps, Maps())
+    assert ("tint" in data["items"][0]) == coloured
+    assets = files("unproject.report") / "assets"
+    x, y, length = -0.3, 0.4, math.sqrt(0.3**2 + 0.4**2 + 0.8**2)
+    light = [x / length, y / length, 0.8 / length]
+    script = f"""
+        const data = {json.dumps(data)}, light = {light}, item = data.items[0], seen = [];
+        const maps = [item.colour, item.relief, item.tint].map((bytes) => bytes && unpack(bytes, Uint8Array));
+        for (let p = 0; p < 256; p++) {{
+          const here = maps.map((map) => map && map.subarray(4 * p, 4 * p + 4));
+          const at = [((p % 16) + 0.5) / 16, (Math.floor(p / 16) + 0.5) / 16];
+          seen.push(shadeTexel(...here, at, light, 1, data.model));
+        }}
+        console.log(JSON.stringify(seen));"""
+    text = "\n".join((assets / name).read_text().replace('"use strict";', "") for name in ("viewer.js", "materials.js"))
+    (tmp_path / "seen.js").write_text(text + script)
+    said = subprocess.run([node, tmp_path / "seen.js"], capture_output=True, text=True, check=True).stdout
+    found = torch.tensor(json.loads(said)).T.view(3, 16, 16)
+    theta = {"view": 0.0, "light": math.acos(light[2]), "light_azimuth": math.atan2(y, x)}
+    lamp = Rendering("directional", Reflection("albedo"))
+    wanted = lamp(maps, **{name: torch.tensor([value]) for name, value in theta.items()})[0]
+    assert (found - wanted).abs().mean() < 0.01 and (found - wanted).abs().max() < 0.1
 
 
 def test_images_have_no_viewer(runs: Callable[[str], Run], tmp_path: Path) -> None:

@@ -15,9 +15,10 @@ import torch
 from PIL import Image
 
 from unproject.assignment import Panel
-from unproject.data import Collection, wood
+from unproject.data import Collection, metal, wood
 from unproject.networks import Discriminator
 from unproject.networks.materials import StationaryMaterials
+from unproject.ops.maps import with_specular
 from unproject.ops.microfacet import Reflection
 from unproject.ops.shading import Sampling
 from unproject.projections import Identity, Rendering
@@ -51,6 +52,17 @@ def test_the_tile_is_what_a_rendering_photographs() -> None:
     inside = wanted.sum(0) > 0.1
     assert inside.float().mean() > 0.3
     assert (found - wanted).abs()[:, inside].mean() < 0.01
+
+
+@pytest.mark.parametrize("light", ["ambient", "directional", "coloured"])
+@pytest.mark.parametrize("form", ["tile", "plane", "ball"])
+def test_three_equal_specular_channels_are_lit_as_one(form: str, light: str) -> None:
+    maps = metal(1, 32, 3)
+    one, three = (picture_of_scene(x[0], scene(form, light), ALBEDO) for x in (maps, with_specular(maps, 3)))
+    torch.testing.assert_close(three, one)
+    gold = metal(1, 32, 3, coloured=True)
+    gold[:, 3:6] *= torch.tensor([1.0, 0.5, 0.1])[:, None, None]
+    assert (picture_of_scene(gold[0], scene(form, light), ALBEDO) - one).abs().amax() > 0.05
 
 
 def test_a_white_ball_follows_the_cosine_of_the_light() -> None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
@@ -40,6 +40,9 @@ class Matching:
         final: weight at the end, to which it falls linearly.
         memory: share of the newest batch in the moving means.
         every: updates of the generator between two with this loss, which is as many times as large then.
+        alike: deviation below which statistics count as the same in all real images and have the unit 1, that of
+            logarithms and correlations (default: none does). Of images without any colour nearly all statistics of
+            colours are the same, and in thousandths they would outweigh the others.
 
     Examples:
         >>> import torch, unproject as up
@@ -52,6 +55,7 @@ class Matching:
     final: float = 0.5
     memory: float = 0.02
     every: int = 2
+    alike: float | None = field(default=None, metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
         if not (0 < self.weight < math.inf and 0 <= self.final < math.inf and 0 < self.memory <= 1 and self.every >= 1):
@@ -90,7 +94,9 @@ class MatchingState(nn.Module):
         self.settings = settings
         found = torch.cat([band_statistics(part) for part in real.split(CHUNK)])
         self.register_buffer("centre", found.mean(0))
-        self.register_buffer("unit", found.std(0, correction=min(1, len(found) - 1)).clamp_min(LEAST))
+        deviation = found.std(0, correction=min(1, len(found) - 1))
+        alike = deviation < (settings.alike or 0.0)
+        self.register_buffer("unit", deviation.clamp_min(LEAST).masked_fill(alike, 1.0))
         self.register_buffer("first", torch.zeros_like(self.centre))
         self.register_buffer("second", torch.zeros_like(self.centre))
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))

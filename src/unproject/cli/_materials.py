@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Materials(NamedTuple):
-    """Maps (N, 8, H, W), how their specular albedo is meant, and (name, reason) of those that were skipped."""
+    """Maps (N, 8 or 10, H, W), how their specular albedo is meant, and (name, reason) of those that were skipped."""
 
     maps: Tensor
     fresnel: Literal["eta", "albedo"]
@@ -23,12 +23,12 @@ class Materials(NamedTuple):
         say_skipped(self.skipped, len(self.maps))
 
 
-def read_maps(path: Path, size: int | None = None) -> Materials:
-    """Of an .npz or of folders of textures."""
-    from ..data import Collection
+def read_maps(path: Path, size: int | None = None, coloured: bool = False) -> Materials:
+    """Of an .npz or of folders of textures, with three specular channels if `coloured`; an .npz has what it has."""
+    from ..data import Collection, Convention
     from ..data.readers.arrays import load_arrays
 
-    found = Collection.materials(path, size)
+    found = Collection.materials(path, size, convention=Convention(specular="colour") if coloured else None)
     if path.suffix.lower() != ".npz":
         return Materials(found.items, "albedo", found.skipped)
     meant = str(load_arrays(path).get("fresnel", "eta"))

@@ -31,6 +31,7 @@ def run(
     fresnel: Literal["eta", "albedo"] | None = None,
     eta: float = 1.5,
     size: int | None = None,
+    coloured_specular: bool = False,
     trust: bool = False,
 ) -> None:
     """Write samples of a run, or those that `unproject sample` wrote, for other tools.
@@ -52,13 +53,14 @@ def run(
         size: Of a run, voxels a side of shapes or texels a side of materials: a multiple of what was trained. 128
             after 64 are shapes twice as fine; 1024 after 64 are materials that cover 16 times the side. Of folders of
             textures, pixels a side, to which they are resampled.
+        coloured_specular: Of folders of textures: metals reflect their colour (default: the luminance of it).
         trust: Import the generator's code although it is not of this package.
     """
     import torch
 
     from ..training.run_directory import naming
 
-    found = _found(source, to, n, seed, trust, size)
+    found = _found(source, to, n, seed, trust, size, coloured_specular)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options:
         options["fresnel"] = fresnel or found.fresnel
@@ -81,7 +83,9 @@ class Found(NamedTuple):
     skipped: tuple[tuple[str, str], ...] = ()
 
 
-def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: int | None) -> Found:
+def _found(
+    source: Path, to: str, n: int | None, seed: int, trust: bool, size: int | None, coloured: bool = False
+) -> Found:
     """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
     from .. import export
     from ..data.readers.arrays import load_arrays
@@ -94,7 +98,7 @@ def _found(source: Path, to: str, n: int | None, seed: int, trust: bool, size: i
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)
     arrays = load_arrays(source) if source.suffix == ".npz" else {}
     if textures or "diffuse" in arrays:
-        maps, fresnel, skipped = read_maps(source, size)
+        maps, fresnel, skipped = read_maps(source, size, coloured)
         return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
     if size is not None:
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")

@@ -32,6 +32,7 @@ def run(
     repeat: bool = False,
     distance: float = 4.0,
     size: int | None = None,
+    coloured_specular: bool = False,
     strip: int | None = None,
     threads: int | None = None,
 ) -> None:
@@ -53,6 +54,7 @@ def run(
         repeat: With --space image: the material again beside itself.
         distance: Of the camera from the centre, in widths of the material.
         size: Resample textures to so many pixels a side.
+        coloured_specular: Of a folder of textures: metals reflect their colour (default: the luminance of it).
         strip: So many pictures side by side (.png) or one after another (.gif): the light goes around, seen from above
             and from --view in turn.
         threads: Processor threads (default: all cores).
@@ -68,7 +70,7 @@ def run(
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
     lighting, latents = light_of(light)
     reflection, sampling = Reflection(fresnel or "eta", eta, shadowing), Sampling(samples)  # mistakes come first
-    material = read_maps(maps, size)
+    material = read_maps(maps, size, coloured_specular)
     reflection = Reflection(fresnel or material.fresnel, eta, shadowing)
     look = Rendering(lighting, reflection, sampling, distance, space, repeat, out.suffix != ".npy")
     frames = [

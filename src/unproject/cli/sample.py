@@ -21,7 +21,8 @@ def run(
     """Draw samples from a run into an .npz file, float32.
 
     `volume` (N, X, Y, Z); or `image` (N, 1, H, W); or `diffuse`, `specular`, `roughness` and `normal` (N, C, H, W),
-    linear, and `fresnel`, what the specular albedo means; or the arrays of a domain of your own.
+    linear, `specular` of one channel or of three, and `fresnel`, what the specular albedo means; or the arrays of a
+    domain of your own.
 
     Args:
         path: the run directory.

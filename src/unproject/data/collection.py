@@ -173,12 +173,13 @@ class Collection:
         convention: Convention | None = None,
         strict: bool = False,
     ) -> Self:
-        """Read material maps (N, 8, H, W), packed as `ops.maps` says, from folders of textures or an .npz of maps.
+        """Read material maps (N, 8 or 10, H, W), packed as `ops.maps` says, of folders of textures or an .npz of maps.
 
         Args:
             path: a folder of textures or of such folders, at any depth; or an .npz of maps, as `sample` writes them.
             size: pixels a side, area averages of the largest centred square; default: as stored.
-            convention: what the textures hold; default: perceptual roughness, sRGB colours, OpenGL normals.
+            convention: what the textures hold; default: perceptual roughness, sRGB colours, OpenGL normals, the
+                luminance of metals' colours.
             strict: fail on the first material that cannot be used instead of skipping it.
 
         Raises:
@@ -187,7 +188,7 @@ class Collection:
         return cls(**find_materials(Path(path), size, convention, strict)._asdict())
 
     @classmethod
-    def photographs(cls, path: PathLike, name: str, size: int, *, strict: bool = False) -> Self:
+    def photographs(cls, path: PathLike, name: str, size: int, *, strict: bool = False, coloured: bool = False) -> Self:
         """Read the pictures (N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
 
         Args:
@@ -195,11 +196,12 @@ class Collection:
             name: of a map (`diffuse`, `normal`, ...) or of photographs (`top`, `flash`, ...).
             size: pixels a side, area averages of the largest centred square.
             strict: fail on the first picture that cannot be used instead of skipping it.
+            coloured: read three channels of specular maps (default: their mean).
 
         Raises:
             UserError: if there is nothing there that can be used.
         """
-        return cls(**find_photographs(Path(path), name, size, strict)._asdict())
+        return cls(**find_photographs(Path(path), name, size, strict, coloured)._asdict())
 
     @classmethod
     def _of(cls, found: Found, kind: str) -> Self:

@@ -91,6 +91,10 @@ class Domain(ABC):
         """
         return {}
 
+    def comparable(self, reference: Tensor, x: Tensor) -> Tensor:
+        """Return references with as many channels as samples x have, where samples may have more or fewer."""
+        return reference
+
     def checks(self, x: Tensor, seed: int = 0) -> dict[str, Score]:
         """Score samples without a reference."""
         a, b = x[torch.arange(len(x)).roll(1)], x

@@ -1,4 +1,4 @@
-"""Maps: surface materials, (N, 8, H, W) as `ops.maps` packs them."""
+"""Maps: surface materials, (N, 8, H, W), or (N, 10, H, W) of coloured specular albedo, as `ops.maps` packs them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from PIL import Image
 from torch import Tensor
 
 from .. import export
-from ..data import Collection, procedural_probes
+from ..data import Collection, Convention, procedural_probes
 from ..metrics import Finding, Score, material_scores, patch_distance
-from ..ops.maps import pack_maps, unpack_maps
+from ..ops.maps import are_maps, pack_maps, specular_channels, unpack_maps, with_specular
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections.rendering import Rendering
@@ -32,7 +32,7 @@ MATCH = (4.0, 10.0)
 
 @dataclass(frozen=True)
 class Maps(Domain):
-    """Maps of a material (N, 8, H, W): diffuse and specular albedo, roughness, normal; they have one pose.
+    """Maps of a material (N, 8 or 10, H, W): diffuse and specular albedo, roughness, normal; they have one pose.
 
     Args:
         fresnel: what the specular albedo means, see `ops.microfacet.Reflection`.
@@ -58,6 +58,9 @@ class Maps(Domain):
     def samples(self, arrays: Mapping[str, np.ndarray]) -> Tensor:
         return pack_maps({name: torch.as_tensor(part) for name, part in arrays.items() if part.ndim == 4})
 
+    def comparable(self, reference: Tensor, x: Tensor) -> Tensor:
+        return with_specular(reference, specular_channels(x)) if are_maps(reference) else reference
+
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return material_scores(x, reference, seed, rendered_alike(x, reference))
 
@@ -75,7 +78,7 @@ class Maps(Domain):
         return [match_finding(found / max(base, 1e-6), how, len(seen.generated), MATCH, seed)]
 
     def read(self, path: Path, size: int) -> Collection:
-        return Collection.materials(path, size).warn_skipped()
+        return Collection.materials(path, size, convention=Convention(specular="colour")).warn_skipped()
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

@@ -134,7 +134,7 @@ class _Glb:
 
     def _material(self, name: str, material: Material, extras: dict[str, Any]) -> dict[str, Any]:
         base, brightest = scale_of(material.basecolor), float(material.specular.max())
-        reflected = material.specular.repeat(3, -1) / np.float32(brightest or 1)
+        reflected = np.broadcast_to(material.specular, material.basecolor.shape) / np.float32(brightest or 1)
         r = material.roughness
         rough = np.concatenate([np.ones_like(r), r, np.zeros_like(r)], -1)
         specular = {

@@ -9,6 +9,7 @@ holds with colour 1 and
   - IOR = eta and weight = k_s while fresnel is "eta" and no k_s exceeds 1: exact at grazing angles too;
   - else the IOR whose reflectance is the largest F0 of the map, and weights in proportion. An IOR for more than 0.9
     is beyond tools, so what lies above goes into specular_color.
+Of a coloured F0 the weight has the largest of the three, and specular_color is F0 over it.
 The lobe's distribution is GGX with alpha = specular_roughness², ours Beckmann with the same alpha.
 """
 
@@ -39,6 +40,8 @@ from unproject.export.materials import (
 VERSION = "1.38"
 # F0 at weight 1 is within these: too near to 1 the IOR in the file has no digits left, too far above no tool takes it.
 _LEAST, _MOST = 1e-4, 0.9
+# The least value by which a coloured F0 is divided.
+_DARK = 1e-6
 
 
 class Lobe(NamedTuple):
@@ -67,7 +70,7 @@ def material_x(
     def write(folder: Path, material: Material) -> None:
         sheets = write_maps(folder, material, storage, fresnel, eta)
         lobe = lobe_for(float(material.specular.max()), fresnel, eta)
-        save(folder / "material.mtlx", document(sheets, lobe))
+        save(folder / "material.mtlx", document(sheets, lobe, material.specular.shape[-1] == 3))
 
     return write_folders(materials, path, write)
 
@@ -80,13 +83,13 @@ def lobe_for(largest: float, fresnel: Fresnel, eta: float) -> Lobe:
     return Lobe((1 + root) / (1 - root), max(1, largest / _MOST))
 
 
-def document(sheets: dict[str, Sheet], lobe: Lobe) -> str:
-    """The text of material.mtlx for maps that lie beside it."""
+def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False) -> str:
+    """The text of material.mtlx for maps that lie beside it; `coloured`: the specular picture has three channels."""
     root = ElementTree.Element("materialx", version=VERSION, colorspace="lin_rec709")
     graph = _node(root, "nodegraph", "maps")
     made = {
         "base_color": _image(graph, "basecolor", "color3", sheets["basecolor"], sheets["basecolor"].scale),
-        "specular": _image(graph, "specular", "float", sheets["specular"], sheets["specular"].scale / lobe.reflectance),
+        **_specular(graph, sheets["specular"], lobe, coloured),
         "specular_roughness": _image(graph, "roughness", "float", sheets["roughness"], sheets["roughness"].scale),
         "normal": _normal(graph, sheets["normal"]),
     }
@@ -95,7 +98,8 @@ def document(sheets: dict[str, Sheet], lobe: Lobe) -> str:
     surface = _node(root, "standard_surface", "surface", "surfaceshader")
     for name, value in {"base": 1.0, "metalness": 0.0, "specular_IOR": lobe.ior}.items():
         _node(surface, "input", name, "float", value=_number(value))
-    _node(surface, "input", "specular_color", "color3", value=", ".join([_number(lobe.color)] * 3))
+    if not coloured:
+        _node(surface, "input", "specular_color", "color3", value=", ".join([_number(lobe.color)] * 3))
     for name, (kind, _) in made.items():
         _node(surface, "input", name, kind, nodegraph="maps", output=f"{name}_out")
     material = _node(root, "surfacematerial", "material", "material")
@@ -118,10 +122,43 @@ def _image(graph: ElementTree.Element, name: str, kind: str, sheet: Sheet, facto
     _node(image, "input", "file", "filename", value=sheet.file, **({"colorspace": space} if kind == "color3" else {}))
     if factor == 1:
         return kind, name
-    product = _node(graph, "multiply", f"{name}_scaled", kind)
-    _node(product, "input", "in1", kind, nodename=name)
-    _node(product, "input", "in2", "float", value=_number(factor))
-    return kind, f"{name}_scaled"
+    return _operation(graph, "multiply", f"{name}_scaled", (kind, name), factor)
+
+
+def _operation(
+    graph: ElementTree.Element, what: str, name: str, first: tuple[str, str], second: str | float
+) -> tuple[str, str]:
+    """An operation on the result of a node, (type, name), and a float: a number or that of another node."""
+    kind, node = first
+    made = _node(graph, what, name, kind)
+    _node(made, "input", "in1", kind, nodename=node)
+    _node(
+        made,
+        "input",
+        "in2",
+        "float",
+        **({"nodename": second} if isinstance(second, str) else {"value": _number(second)}),
+    )
+    return kind, name
+
+
+def _specular(graph: ElementTree.Element, sheet: Sheet, lobe: Lobe, coloured: bool) -> dict[str, tuple[str, str]]:
+    """The weight; and of a coloured F0 its largest channel as the weight, and the colour."""
+    factor = sheet.scale / lobe.reflectance
+    if not coloured:
+        return {"specular": _image(graph, "specular", "float", sheet, factor)}
+    image = _image(graph, "specular", "color3", sheet, 1)
+    largest = "float", "specular_0"
+    for k in range(3):
+        channel = _node(graph, "extract", f"specular_{k}", "float")
+        _node(channel, "input", "in", "color3", nodename=image[1])
+        _node(channel, "input", "index", "integer", value=str(k))
+        largest = _operation(graph, "max", f"specular_max_{k}", largest, f"specular_{k}" if k else _DARK)
+    hue = _operation(graph, "divide", "specular_hue", image, largest[1])
+    return {
+        "specular": _operation(graph, "multiply", "specular_scaled", largest, factor),
+        "specular_color": _operation(graph, "multiply", "specular_hue_scaled", hue, lobe.color),
+    }
 
 
 def _normal(graph: ElementTree.Element, sheet: Sheet) -> tuple[str, str]:

@@ -8,6 +8,7 @@ From the maps of `ops.maps` (linear; roughness m is the RMS slope, Beckmann's al
     roughness     r = √m                                  perceptual: tools square it to get alpha
     normal        v = (n + 1) / 2                         OpenGL's convention: x right, y up in the picture
 
+Specular is a picture of one channel, or of three if k_s is coloured.
 Base colour is sRGB encoded in PNG and linear in EXR; all else is linear. A picture that cannot hold values above 1
 holds them divided by a scale, and the note says so.
 """
@@ -62,7 +63,7 @@ _MODEL = (
 
 
 class Material(NamedTuple):
-    """What the artist's maps hold, (H, W, C) float32: k_d, F0 and r are linear, the normal has unit length."""
+    """What the artist's maps hold, (H, W, C) float32: linear k_d, F0 (of 1 or 3 channels) and r, and unit normals."""
 
     basecolor: np.ndarray
     specular: np.ndarray
@@ -90,7 +91,7 @@ def material_maps(
     """A folder of basecolor, specular, roughness and normal, with material.json; material-00/, ... of a batch.
 
     Args:
-        maps: (8, H, W), or (N, 8, H, W) with a folder for each; a tensor or an array.
+        maps: (8, H, W), or (N, 8, H, W) with a folder for each; 10 channels of coloured k_s; a tensor or an array.
         depth: "8" or "16" bits of PNG, "half" or "float" EXR. Eight bits tell F0 apart in steps of 0.004, of which a
             dielectric's 0.04 has ten: prefer another depth for those.
         fresnel, eta: what k_s means.
@@ -171,7 +172,9 @@ def to_srgb(linear: np.ndarray) -> np.ndarray:
 def _note(material: Material, sheets: dict[str, Sheet], fresnel: Fresnel, eta: float) -> dict[str, Any]:
     height, width, _ = material.basecolor.shape
     about = {name: {"quantity": _MEANING[name], **sheet._asdict()} for name, sheet in sheets.items()}
-    about["basecolor"]["primaries"] = "Rec. 709, as sRGB"
+    for name in ("basecolor", "specular"):
+        if getattr(material, name).shape[-1] == 3:
+            about[name]["primaries"] = "Rec. 709, as sRGB"
     return {
         "format": "unproject material",
         "width": width,

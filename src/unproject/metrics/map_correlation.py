@@ -1,9 +1,9 @@
 """Correlations between the maps of materials by scale, such as of roughness with colour or of relief with gloss.
 
-Four fields of a material (B, 8, H, W):
+Four fields of a material (B, 8, H, W) or (B, 10, H, W):
 
     diffuse     luminance 0.2126 R + 0.7152 G + 0.0722 B of the diffuse albedo
-    specular    specular albedo
+    specular    specular albedo, the luminance of a coloured one
     roughness   roughness
     normal      height h whose slopes the normals are: argmin_h Σ |∇h - g|², g = (-n_x / n_z, -n_y / n_z)
 
@@ -38,7 +38,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..ops.maps import MAPS, luminance, unpack_maps
+from ..ops.maps import MAPS, luminance, unpack_maps, with_specular
 from ..ops.pyramids import laplacian_pyramid
 from .distances import check_set
 from .patches import check_pair, chunks
@@ -89,7 +89,7 @@ class CorrelationError:
 
 @torch.no_grad()
 def correlation_error(generated: Tensor, truth: Tensor) -> CorrelationError:
-    """Compare the cross-map correlations of generated materials (G, 8, H, W) with those of true ones (T, 8, H, W).
+    """Compare the cross-map correlations of generated materials (G, C, H, W) with those of true ones (T, C, H, W).
 
     Raises:
         UserError: for sets of fewer than two materials, different sizes, sides below 16, or NaN.
@@ -100,10 +100,10 @@ def correlation_error(generated: Tensor, truth: Tensor) -> CorrelationError:
 
 @torch.no_grad()
 def map_correlations(maps: Tensor) -> CorrelationTable:
-    """Compute the correlations between the four fields of materials (N, 8, H, W) at each scale.
+    """Compute the correlations between the four fields of materials (N, 8 or 10, H, W) at each scale.
 
     Raises:
-        UserError: for fewer than two materials, other than eight channels, a side below 8, or NaN.
+        UserError: for fewer than two materials, other than 8 or 10 channels, a side below 8, or NaN.
     """
     unpack_maps(maps)
     if len(maps) < 2 or min(maps.shape[-2:]) < SMALLEST:
@@ -111,7 +111,7 @@ def map_correlations(maps: Tensor) -> CorrelationTable:
     check_set(maps, "of materials")
     moments: dict[str, Tensor] = {}
     for part in chunks(maps):
-        for scale, band in _bands(part).items():
+        for scale, band in _bands(with_specular(part, 1)).items():
             samples = band.transpose(0, 1).flatten(1).double()
             samples = torch.cat([torch.ones_like(samples[:1]), samples])
             moments[scale] = moments.get(scale, 0) + samples @ samples.T

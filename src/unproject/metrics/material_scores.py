@@ -42,8 +42,8 @@ def material_scores(
     true materials, of the same size.
 
     Args:
-        generated: (G, 8, H, W) as `ops.maps` packs them.
-        truth: (T, 8, H, W).
+        generated: (G, 8, H, W) or (G, 10, H, W) as `ops.maps` packs them.
+        truth: (T, ...), with as many channels.
         seed: of the patches and of the subsets drawn from larger sets.
         rendered: name → renderings of generated and of true materials, (N, 3, H, W) each, under one light and view.
 
@@ -55,7 +55,7 @@ def material_scores(
 
     Raises:
         UserError: for sets of fewer than six materials, materials or renderings of different sizes or smaller than
-            16x16, other than eight channels, NaN, or a rendering with the name of a map.
+            16x16, other than 8 or 10 channels, NaN, or a rendering with the name of a map.
     """
     check_pair(generated, truth, LEAST, "materials")
     rendered = rendered or {}

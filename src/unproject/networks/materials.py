@@ -1,5 +1,7 @@
 """Generators of materials: four maps (B, 8, H, W) from one code, by branches after shared layers.
 
+With three specular channels the maps are (B, 10, H, W): gold reflects red and blue differently.
+
     k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c)
 
 with scale factors s of the albedos and of the roughness for the whole material, which represent most of the variation
@@ -14,7 +16,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .._types import UserError
-from ..ops.maps import MAPS, normals_of, pack_maps
+from ..ops.maps import normals_of, pack_maps
 from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
 from .texture_noise import normal_noise, stretched, white_noise
@@ -25,7 +27,7 @@ LEAST_ROUGHNESS = 5e-3
 START = 4  # places a side of the map in the code
 EITHER_SIGN = 6.0  # gives scales 1 ± 1 before training
 RELIEF = 0.1  # texels of height for an output of 1 before training
-FIRST = {"diffuse": (-0.8,) * 3, "specular": (-3.0,), "roughness": (-0.8,), "normal": (0.0,)}
+FIRST = {"diffuse": -0.8, "specular": -3.0, "roughness": -0.8, "normal": 0.0}
 """Initial biases of the maps: a nearly flat dielectric, k_d and m = 0.31, k_s = 0.05."""
 
 
@@ -36,20 +38,29 @@ class MaterialGenerator(Generator):
         code_size: length of a code.
         vector: number of leading entries of the code that determine the scale factors (default: all).
         relief: whether the last branch gives a height, with a scale factor, rather than normals.
+        specular_channels: of the specular albedo: 1, or 3 if it is coloured.
+
+    Raises:
+        UserError: for another number of specular channels.
     """
 
     domain = "maps"
 
-    def __init__(self, code_size: int, vector: int | None = None, relief: bool = False) -> None:
+    def __init__(
+        self, code_size: int, vector: int | None = None, relief: bool = False, specular_channels: int = 1
+    ) -> None:
+        if specular_channels not in (1, 3):
+            raise UserError(f"specular_channels={specular_channels}: give 1, or 3 for a coloured specular albedo")
         super().__init__(code_size)
         self.vector = vector or code_size
         self.relief = relief
+        self.outputs = {"diffuse": 3, "specular": specular_channels, "roughness": 1, "normal": 1 if relief else 3}
         self.scales = nn.Linear(self.vector, len(SCALED) + int(relief))
         nn.init.normal_(self.scales.weight, std=0.1 * self.vector**-0.5)
         nn.init.constant_(self.scales.bias, 0.5413)  # softplus of it is 1
 
     def maps(self, vector: Tensor, drawn: dict[str, Tensor]) -> Tensor:
-        """Return maps (B, 8, H, W) of the outputs of the branches, before their sigmoids."""
+        """Return maps (B, 8 or 10, H, W) of the outputs of the branches, before their sigmoids."""
         scale = F.softplus(self.scales(vector))[:, :, None, None, None]
         named = {name: torch.sigmoid(drawn[name].float()) * scale[:, k] for k, name in enumerate(SCALED)}
         named["roughness"] = named["roughness"] + LEAST_ROUGHNESS
@@ -73,6 +84,7 @@ class DCGANMaterials(MaterialGenerator):
         channels: at 4²; halved with every level.
         shared: number of layers before the branches, including the linear one.
         slope: of LeakyReLU.
+        specular_channels: 1, or 3 for a coloured specular albedo.
 
     References:
         Li et al. 2019, supplemental, section 2.2 and Fig. 6; Radford et al. 2016.
@@ -84,9 +96,15 @@ class DCGANMaterials(MaterialGenerator):
     """
 
     def __init__(
-        self, size: int = 64, code_size: int = 512, channels: int = 512, shared: int = 2, slope: float = 0.2
+        self,
+        size: int = 64,
+        code_size: int = 512,
+        channels: int = 512,
+        shared: int = 2,
+        slope: float = 0.2,
+        specular_channels: int = 1,
     ) -> None:
-        super().__init__(code_size)
+        super().__init__(code_size, specular_channels=specular_channels)
         widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
         self.width, self.slope = channels, slope
         self.start = nn.Linear(code_size, channels * 4**2)
@@ -97,14 +115,14 @@ class DCGANMaterials(MaterialGenerator):
         for before, after in pairs[: shared - 1]:
             common += self._level(before, after)
         self.common = nn.Sequential(*common)
-        self.branches = nn.ModuleDict({name: self._branch(pairs[shared - 1 :], place) for name, place in MAPS.items()})
+        self.branches = nn.ModuleDict({name: self._branch(pairs[shared - 1 :], n) for name, n in self.outputs.items()})
 
     def _level(self, before: int, after: int) -> list[nn.Module]:
         return [nn.ConvTranspose2d(before, after, 4, 2, 1), nn.BatchNorm2d(after), nn.LeakyReLU(self.slope)]
 
-    def _branch(self, pairs: list[tuple[int, int]], place: slice) -> nn.Sequential:
+    def _branch(self, pairs: list[tuple[int, int]], outputs: int) -> nn.Sequential:
         levels = [layer for before, after in pairs for layer in self._level(before, after)]
-        last = nn.Conv2d(pairs[-1][1], place.stop - place.start, 3, padding=1)
+        last = nn.Conv2d(pairs[-1][1], outputs, 3, padding=1)
         return nn.Sequential(*levels, last)
 
     def draw(self, n: int, rng: torch.Generator) -> Tensor:
@@ -141,6 +159,7 @@ class StationaryMaterials(MaterialGenerator):
         sources: sources of noise in each level.
         fields: channels at full size.
         least: see `channels`.
+        specular_channels: 1, or 3 for a coloured specular albedo.
 
     References:
         Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from).
@@ -162,8 +181,9 @@ class StationaryMaterials(MaterialGenerator):
         sources: int = 8,
         fields: int = 16,
         least: int = 48,
+        specular_channels: int = 1,
     ) -> None:
-        super().__init__(code_size + places * START**2, vector=code_size, relief=True)
+        super().__init__(code_size + places * START**2, code_size, relief=True, specular_channels=specular_channels)
         levels, hidden = upsampling_levels(size) - 1, 128
         self.size, self.places = size, places
         self.mapping = nn.Sequential(
@@ -177,7 +197,9 @@ class StationaryMaterials(MaterialGenerator):
         self.strength = nn.Parameter(torch.randn(fields, sources) * 0.2 * sources**-0.5)
         self.noise_shapes = [(sources, START * 2**k) for k in range(1, levels + 2)]
         self.white = sum(sources * side**2 for sources, side in self.noise_shapes)
-        self.branches = nn.ModuleDict({name: Pixelwise(hidden, fields, FIRST[name]) for name in MAPS})
+        self.branches = nn.ModuleDict(
+            {name: Pixelwise(hidden, fields, (FIRST[name],) * n) for name, n in self.outputs.items()}
+        )
 
     def forward(self, code: Tensor) -> Tensor:
         return self.synthesise(self.map_code(code))

@@ -14,7 +14,7 @@ fast implementation.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -26,7 +26,7 @@ from .._types import UserError
 from .differences import LEAST, CentralDifferences
 from .environment import Environments, look_up, sample_environments
 from .low_discrepancy import offsets, points, scramble, seeds, unit
-from .maps import unpack_maps
+from .maps import of_colour, specular_channels, unpack_maps
 from .microfacet import (
     LEAST_ROUGHNESS,
     TINY,
@@ -119,16 +119,18 @@ class Plan(NamedTuple):
 def shade(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
 ) -> Tensor:
-    """Compute the radiance (B, 3, H, W) of maps.
+    """Compute the radiance (B, 3, H, W) of maps; of a coloured specular albedo colour by colour, three times as long.
 
     Args:
-        maps: (B, 8, H, W).
+        maps: (B, 8, H, W), or (B, 10, H, W) of a coloured specular albedo.
         to_camera: (B, 3, H, W), unit vectors from each texel to the camera.
         light: ambient, directional or environments.
         reflection: the reflection model.
         sampling: settings of the estimator.
         jitter: (B,) in [0, 1), the seed of the sample points: equal numbers give equal results.
     """
+    if specular_channels(maps) == 3:
+        return by_colour(maps, lambda x, k: shade(x, to_camera, light, reflection, sampling, jitter))
     if isinstance(light, Directional):
         return _directional(maps, to_camera, light, reflection)
     plan = plan_samples(light, sampling, jitter, maps)
@@ -136,6 +138,16 @@ def shade(
     if sampling.gradient == "differences":
         return CentralDifferences.apply(maps, lambda x: _estimate(x, fixed, to_camera, light, reflection, plan))
     return _estimate(maps, fixed, to_camera, light, reflection, plan)
+
+
+def by_colour(maps: Tensor, shaded: Callable[[Tensor, int], Tensor]) -> Tensor:
+    """Return the radiance (B, 3, H, W) whose colour k is that of `shaded(one, k)`, which has the k_s of that colour.
+
+    Args:
+        maps: (B, 8, H, W) or (B, 10, H, W).
+        shaded: (maps (B, 8, H, W), index of the colour) → radiance (B, 3, H, W).
+    """
+    return torch.stack([shaded(of_colour(maps, k), k)[:, k] for k in range(3)], 1)
 
 
 def plan_samples(light: Light, sampling: Sampling, jitter: Tensor, like: Tensor) -> Plan:

@@ -17,8 +17,9 @@ from torch.autograd.function import once_differentiable
 
 from ._native import kernel, pointer
 from .low_discrepancy import STEPS
+from .maps import CHANNELS, specular_channels
 from .microfacet import Reflection, reflectance
-from .shading import Directional, Environment, Light, Plan, Sampling, diffuse_counts, plan_samples, shade
+from .shading import Directional, Environment, Light, Plan, Sampling, by_colour, diffuse_counts, plan_samples, shade
 
 BLOCK = 8
 FLOATS = ("maps", "camera", "table", "turn", "pool", "along", "diffuse", "gradient")
@@ -41,6 +42,8 @@ def shade_fast(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
 ) -> Tensor:
     """Compute `shading.shade`, by the kernel where it supports the arguments."""
+    if specular_channels(maps) == 3:
+        return by_colour(maps, lambda x, k: shade_fast(x, to_camera, light, reflection, sampling, jitter))
     if (
         isinstance(light, Directional)
         or sampling.gradient == "differences"
@@ -94,7 +97,7 @@ def _run(
     _check_bounds(maps, camera, light, plan)
     nothing = maps.new_zeros(1)
     sample = torch.arange(plan.lobes, dtype=torch.float64)
-    out = maps.new_empty(batch, 3 if gradient is None else 8, height, width)
+    out = maps.new_empty(batch, 3 if gradient is None else CHANNELS, height, width)
     floats = {
         "maps": maps.detach(),
         "camera": camera.detach(),
@@ -123,6 +126,7 @@ def _run(
 
 def _check_bounds(maps: Tensor, camera: Tensor, light: Light, plan: Plan) -> None:
     """Check shapes and indices, which the kernel does not."""
+    assert maps.shape[1] == CHANNELS
     assert camera.shape == (len(maps), 3, *maps.shape[2:]) and len(plan.seed) == len(plan.pool) == len(maps)
     if isinstance(light, Environment):
         assert light.turn.shape == light.which.shape == (len(maps),)

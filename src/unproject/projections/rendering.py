@@ -13,10 +13,10 @@ from torch import Tensor
 from .._types import UserError
 from ..ops.environment import Environments, exposure, prepare_environments, surface_exposure
 from ..ops.exposure import develop
-from ..ops.maps import CHANNELS
+from ..ops.maps import CHANNELS, unpack_maps
 from ..ops.microfacet import Reflection
 from ..ops.plane import photograph, to_camera, towards
-from ..ops.shading import Ambient, Directional, Environment, Light, Sampling
+from ..ops.shading import Ambient, Directional, Environment, Light, Sampling, by_colour
 from ..ops.shading_native import shade_fast
 from .base import Projection
 from .priors import Cap, Prior, Product, Uniform
@@ -32,6 +32,9 @@ THIRD = 2 * math.pi / 3
 @dataclass(frozen=True, eq=False)
 class Rendering(Projection):
     """y = the rendering (B, 3, H, W) of a material, maps (B, 8, H, W) or maps by name.
+
+    Of maps (B, 10, H, W), with a coloured specular albedo, each colour of y is shaded with its own, which takes three
+    times as long (under coloured lamps no longer).
 
     The material is one unit wide and lies in z = 0 (docs/conventions.md). Latents, all (B,), angles in radians:
 
@@ -128,8 +131,7 @@ class Rendering(Projection):
         jitter: Tensor | None = None,
     ) -> Tensor:
         x = as_maps(x)
-        if x.dim() != 4 or x.shape[1] != CHANNELS:
-            raise UserError(f"Rendering: give maps (B, {CHANNELS}, H, W), not {tuple(x.shape)}")
+        unpack_maps(x)
         given = {"light": light, "light_azimuth": light_azimuth, "probe": probe, "jitter": jitter}
         for name, value in {"view": view, "view_azimuth": view_azimuth, **given}.items():
             if value is not None and (not isinstance(value, Tensor) or value.shape != x.shape[:1]):
@@ -151,10 +153,12 @@ class Rendering(Projection):
         self, x: Tensor, view: Tensor, azimuth: Tensor, light: Tensor, around: Tensor, probe: Tensor, jitter: Tensor
     ) -> Tensor:
         camera = to_camera(view, azimuth, self.distance, *x.shape[2:])
-        turns = (0.0, THIRD, 2 * THIRD) if self.lighting == "coloured" else (0.0,)
-        lights = [self._light(light, around + turn, probe) for turn in turns]
-        seen = [shade_fast(x, camera, one, self.reflection, self.sampling, jitter) for one in lights]
-        radiance = torch.stack([y[:, k] for k, y in enumerate(seen)], 1) if len(seen) == 3 else seen[0]
+
+        def lit(x: Tensor, lamp: int = 0) -> Tensor:
+            one = self._light(light, around + lamp * THIRD, probe)
+            return shade_fast(x, camera, one, self.reflection, self.sampling, jitter)
+
+        radiance = by_colour(x, lit) if self.lighting == "coloured" else lit(x)
         if self.space == "image":
             radiance = photograph(radiance, view, azimuth, self.distance, self.repeat)
         return develop(radiance) if self.developed else radiance

@@ -17,6 +17,8 @@ from .base import Projection
 class Selection(Projection):
     """y = one map of materials (B, 8, H, W): diffuse or normal (B, 3, H, W), specular or roughness (B, 1, H, W).
 
+    Of materials (B, 10, H, W) the specular map is coloured, (B, 3, H, W).
+
     Raises:
         UserError: for another name, or an x that is not a material.
 
@@ -34,12 +36,12 @@ class Selection(Projection):
             raise UserError(f"Selection({self.map!r}): give one of {', '.join(MAPS)}")
 
     def forward(self, x: Tensor | Mapping[str, Tensor]) -> Tensor:
-        """Return the map of x, a tensor (B, 8, H, W) or maps by name."""
+        """Return the map of x, a tensor (B, 8 or 10, H, W) or maps by name."""
         return unpack_maps(as_maps(x))[self.map]
 
 
 def as_maps(x: Tensor | Mapping[str, Tensor]) -> Tensor:
-    """Return maps (B, 8, H, W) of a tensor, or of the maps by name that `unproject sample` writes."""
+    """Return maps (B, 8 or 10, H, W) of a tensor, or of the maps by name that `unproject sample` writes."""
     parts = [*x.values()] if isinstance(x, Mapping) else [x]
     if not all(isinstance(part, Tensor) and part.is_floating_point() for part in parts):
         raise UserError("maps: give float tensors of linear values; decode 8-bit pictures first")

@@ -14,12 +14,15 @@ UNSEEN = 2**40
 """The seed of materials that no recipe trains on."""
 CHAIRS = 200
 
-HELD_OUT: dict[str, Callable[[int, int], Tensor]] = {
+HELD_OUT: dict[str, Callable[..., Tensor]] = {
     "shapes": lambda size, count: chairs(CHAIRS, size, seed=1),
     "digits": lambda size, count: digits(size, held_out=True),
-    **{name: lambda size, count, make=make: make(count, size, UNSEEN) for name, make in PROCEDURAL.items()},
+    **{
+        name: lambda size, count, make=make, **how: make(count, size, UNSEEN, **how)
+        for name, make in PROCEDURAL.items()
+    },
 }
-"""Recipe, without `-paper` → (side, how many at most) → held-out samples."""
+"""Recipe, without `-paper` → (side, how many at most, of materials `coloured`) → held-out samples."""
 
 
 def held_out(origin: Origin | None, size: int, count: int) -> Tensor | None:
@@ -27,4 +30,5 @@ def held_out(origin: Origin | None, size: int, count: int) -> Tensor | None:
     if origin is None or origin.arguments.get("data") is not None:
         return None
     make = HELD_OUT.get(origin.recipe.removesuffix("-paper"))
-    return None if make is None else make(size, count)
+    how = {"coloured": True} if origin.arguments.get("coloured_specular") else {}
+    return None if make is None else make(size, count, **how)

@@ -16,6 +16,7 @@ from .._types import UserError
 from ..assignment import Panel
 from ..data import (
     Collection,
+    Convention,
     daylight_probes,
     material_patches,
     observe,
@@ -25,15 +26,15 @@ from ..data import (
     refuse_unsorted,
     unsorted,
 )
-from ..ops.maps import MAPS
+from ..ops.maps import MAPS, places, with_specular
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections import Identity, Observation, Rendering, Selection, rendering_prior, standardised
 from ..projections.rendering import Lighting
 from ..training.estimate import require_memory_to_train
 
-Materials = Callable[[int, int, int], Tensor]
-"""(count, size, seed) → maps (count, 8, size, size) of a procedural data set."""
+Materials = Callable[..., Tensor]
+"""(count, size, seed) → maps (count, 8, size, size) of a procedural data set, or 10 channels with `coloured=True`."""
 Views = Literal["known", "direct"]
 VIEWED_FROM = {"top": 0.0, "grazing": 80.0, **dict.fromkeys(("flash", "lamp", "raking", "coloured", "ambient"), 0.0)}
 VIEWED_FROM["daylight"] = 0.0
@@ -74,14 +75,22 @@ Source = Callable[[Observation, int], Tensor]
 """(observation, count) → its images, each of another material."""
 
 
-def source_of(procedural: Materials, data: Path | None, size: int, seed: int) -> Source:
-    """Return where images come from: a procedural data set, the materials of `data`, or folders of pictures."""
+def source_of(procedural: Materials, data: Path | None, size: int, seed: int, coloured: bool = False) -> Source:
+    """Return where images come from: a procedural data set, the materials of `data`, or folders of pictures.
+
+    Args:
+        procedural: makes the materials where there are no `data`.
+        data: a path, or None.
+        size: pixels a side.
+        seed: of what is drawn.
+        coloured: read three specular channels of `data`, else one; a procedural data set has what it has.
+    """
     if data is not None and are_photographs(data):
         _warn_unsorted(data)
         return lambda observation, count: _first(
-            Collection.photographs(data, observation.name, size).warn_skipped().floats(), count, seed
+            Collection.photographs(data, observation.name, size, coloured=coloured).warn_skipped().floats(), count, seed
         )
-    found = None if data is None else textures_of(data, size)
+    found = None if data is None else textures_of(data, size, coloured)
 
     def images(observation: Observation, count: int) -> Tensor:
         own = derived_seed(seed, 0, f"materials/{observation.name}")
@@ -108,14 +117,16 @@ def _warn_unsorted(data: Path) -> None:
         )
 
 
-def textures_of(data: Path, size: int) -> Tensor:
-    """Return the maps of `data`: an .npz as it is, texture sets larger than the patches that are cut out of them.
+def textures_of(data: Path, size: int, coloured: bool = False) -> Tensor:
+    """Return the maps of `data`: an .npz in its size, texture sets larger than the patches that are cut out of them.
 
     Raises:
         UserError: for photographs that say nothing of their light, or if there is no material.
     """
     refuse_unsorted(data)
-    return Collection.materials(data, None if data.suffix == ".npz" else ENLARGED * size).warn_skipped().floats()
+    side, how = None if data.suffix == ".npz" else ENLARGED * size, Convention(specular="colour") if coloured else None
+    found = Collection.materials(data, side, convention=how).warn_skipped().floats()
+    return with_specular(found, 3 if coloured else 1)
 
 
 def are_photographs(data: Path | None) -> bool:
@@ -136,8 +147,8 @@ def with_mirror_images(source: Source) -> Source:
 def mirrored(observation: str, images: Tensor, axes: tuple[int, ...]) -> Tensor:
     """Flip images along rows (2), columns (3) or both; x and y of normals change sign."""
     flipped = images.flip(axes)
-    first = {"normal": 0, "itself": MAPS["normal"].start}.get(observation)
-    if first is not None:
+    if observation in ("normal", "itself"):
+        first = 0 if observation == "normal" else places(images.shape[1])["normal"].start
         for axis, channel in ((3, first), (2, first + 1)):
             if axis in axes:
                 flipped[:, channel] *= -1

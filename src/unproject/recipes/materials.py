@@ -50,6 +50,8 @@ from .material_panels import (
 
 PENALTY_SCALE = 20.0
 NATURAL_LIGHT_WEIGHT = 0.5
+ALIKE = 1e-5
+"""Deviation of a statistic below which all images have it: of speculars of three channels few may have a colour."""
 ALL = 2**31
 """More pictures than any folder has."""
 
@@ -82,6 +84,7 @@ def materials(
     penalty_scale: float = PENALTY_SCALE,
     matching: float = 2.0,
     flips: bool = False,
+    coloured_specular: bool = False,
     **options: Unpack[Options],
 ) -> Recipe:
     """Materials from any mix of maps and photographs, for a laptop.
@@ -114,11 +117,15 @@ def materials(
         matching: weight of the statistics of the second order that images are to share with real ones (`Matching`),
             where the discriminators' loss has 1, at the start; it falls to a quarter. 0: none.
         flips: learn from mirror images too, of maps and of those photographs whose light allows it.
+        coloured_specular: give the specular albedo three channels, as of gold and copper; steps take longer.
         options: fields of `Recipe`.
     """
     options = {"batch": 8, "checkpoint_every": 250, **options}
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
-    source = source_of(procedural, data, size, seed)
+    # Nothing is given where nothing is coloured: runs of before there was the flag are described as they were.
+    colours = {"specular_channels": 3} if coloured_specular else {}
+    procedural = partial(procedural, coloured=True) if coloured_specular else procedural
+    source = source_of(procedural, data, size, seed, coloured_specular)
     source = with_mirror_images(source) if flips else source
     photographed = are_photographs(data)
     counts = (counted(maps, 500, photographed), counted(renderings, 250, photographed))
@@ -126,12 +133,12 @@ def materials(
     weights = Weights(photograph_weight, natural, penalty_scale)
     light = Light(probes, samples)
     return Recipe(
-        generator=partial(StationaryMaterials, size=size, channels=channels),
+        generator=partial(StationaryMaterials, size=size, channels=channels, **colours),
         discriminator=partial(TextureDiscriminator, channels=discriminator_channels, group=options.get("batch")),
         panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
-        matching=Matching(matching, matching / 4) if matching else None,
+        matching=Matching(matching, matching / 4, alike=ALIKE if coloured_specular else None) if matching else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         balance_every=16,

@@ -14,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..domains import Maps
-from ..ops.maps import CHANNELS, unpack_maps
+from ..ops.maps import are_maps, unpack_maps
 from ..ops.microfacet import Reflection
 from .numbers import encoded
 
@@ -25,11 +25,12 @@ DISTANCE = 4.0
 
 
 def material_data(maps: Tensor, domain: Maps, count: int = COUNT) -> dict[str, Any]:
-    """Return what light.js shades: of each of the first maps (N, 8, H, W) the texels, row 0 at the top, in base64.
+    """Return what light.js shades: of each of the first maps (N, C, H, W) the texels, row 0 at the top, in base64.
 
     `colour` uint8 (H, W, 4) is the square root of diffuse albedo (3) and specular albedo (1) times 255, `relief` uint8
     (H, W, 4) is 127 n + 128 of the normal (3) and the square root of the slope m times 255 (1): square roots, since the
-    eye sees steps at the dark end.
+    eye sees steps at the dark end. Of a coloured specular albedo `colour` has the largest of its channels, and `tint`
+    uint8 (H, W, 4) the square root of the albedo (3) times 255, and 255.
     """
     maps = maps[:count].float()
     times = -(-max(maps.shape[2:]) // FINEST)
@@ -37,12 +38,16 @@ def material_data(maps: Tensor, domain: Maps, count: int = COUNT) -> dict[str, A
     named = {name: part.permute(0, 2, 3, 1).numpy() for name, part in unpack_maps(maps).items()}
     length = np.linalg.norm(named["normal"], axis=-1, keepdims=True)
     normal = named["normal"] / np.maximum(length, 1e-6)
-    colour = np.sqrt(np.clip(np.concatenate([named["diffuse"], named["specular"]], -1), 0, 1))
+    specular = named["specular"]
+    colour = np.sqrt(np.clip(np.concatenate([named["diffuse"], specular.max(-1, keepdims=True)], -1), 0, 1))
     relief = np.concatenate([127 * normal + 128, 255 * np.sqrt(np.clip(named["roughness"], 0, 1))], -1)
     items = [
         {"name": f"sample {k + 1}", "colour": encoded(255 * c, np.uint8), "relief": encoded(r, np.uint8)}
         for k, (c, r) in enumerate(zip(colour, relief, strict=True))
     ]
+    if specular.shape[-1] == 3:
+        tint = np.sqrt(np.clip(np.concatenate([specular, np.ones_like(specular[..., :1])], -1), 0, 1))
+        items = [{**item, "tint": encoded(255 * t, np.uint8)} for item, t in zip(items, tint, strict=True)]
     height, width = maps.shape[2:]
     model = {"albedo": domain.fresnel == "albedo", "eta": Reflection().eta, "distance": DISTANCE}
     return {"kind": "materials", "width": width, "height": height, "model": model, "items": items}
@@ -50,4 +55,4 @@ def material_data(maps: Tensor, domain: Maps, count: int = COUNT) -> dict[str, A
 
 def is_material(domain: object, x: Tensor) -> bool:
     """Whether these samples are maps that can be lit."""
-    return isinstance(domain, Maps) and x.dim() == 4 and x.shape[1] == CHANNELS
+    return isinstance(domain, Maps) and are_maps(x)

@@ -16,7 +16,7 @@ from torch import Tensor
 from .. import export
 from ..assignment import Panel
 from ..domains import Domain
-from ..ops.maps import unpack_maps
+from ..ops.maps import are_maps, unpack_maps
 
 WIDEST = 640
 """Pixels of a picture at most: of a column on a wide screen."""
@@ -94,6 +94,6 @@ def _sheet(panel: Panel) -> Image.Image:
         y = export.graphs(y)
     if y.dim() == 4 and y.shape[1] in (1, 3):
         return export.picture_sheet(y / 2 + 0.5 if (y < 0).any() else y, columns=6)
-    if y.dim() == 4 and y.shape[1] == 8:
+    if are_maps(y):
         return export.picture_sheet(unpack_maps(y)["diffuse"], columns=6)
     return export.gallery(y, size=96, columns=6)

@@ -18,9 +18,10 @@ from torch import Tensor
 
 from ..ops.environment import Environments, exposure, prepare_environments
 from ..ops.exposure import develop
+from ..ops.maps import places
 from ..ops.microfacet import Reflection
 from ..ops.plane import photograph, to_camera, towards
-from ..ops.shading import Ambient, Directional, Environment, Light, Sampling
+from ..ops.shading import Ambient, Directional, Environment, Light, Sampling, by_colour
 from ..ops.shading_native import shade_fast
 
 SIDE, AROUND, DISTANCE = 256, 4, 4.0
@@ -60,7 +61,7 @@ def exposed(radiance: Tensor) -> Environments:
 
 @torch.no_grad()
 def picture_of_scene(maps: Tensor, scene: Scene, reflection: Reflection) -> Tensor:
-    """Return the picture (3, 256, 256) in [0, 1] of a material (8, H, W)."""
+    """Return the picture (3, 256, 256) in [0, 1] of a material (8 or 10, H, W)."""
     if scene.form == "ball":
         return _ball(maps, scene, reflection)
     times = 2 if scene.form == "plane" else 1
@@ -82,10 +83,10 @@ def _resampled(tiled: Tensor, width: int, height: int) -> Tensor:
 
 
 def _shaded(x: Tensor, camera: Tensor, scene: Scene, reflection: Reflection) -> Tensor:
-    turns = (0.0, THIRD, 2 * THIRD) if scene.light == "coloured" else (0.0,)
-    sampling, jitter = Sampling(scene.samples), torch.zeros(1)
-    seen = [shade_fast(x, camera, _light(scene, turn), reflection, sampling, jitter) for turn in turns]
-    return torch.stack([y[:, k] for k, y in enumerate(seen)], 1) if len(seen) == 3 else seen[0]
+    def lit(x: Tensor, lamp: int = 0) -> Tensor:
+        return shade_fast(x, camera, _light(scene, lamp * THIRD), reflection, Sampling(scene.samples), torch.zeros(1))
+
+    return by_colour(x, lit) if scene.light == "coloured" else lit(x)
 
 
 def _light(scene: Scene, turn: float) -> Light:
@@ -114,7 +115,7 @@ def _ball(maps: Tensor, scene: Scene, reflection: Reflection) -> Tensor:
 
 
 def _wrapped(maps: Tensor, normal: Tensor) -> Tensor:
-    """Return the maps (1, 8, H, W) of the points of a ball that have these normals (H, W, 3)."""
+    """Return the maps (1, 8 or 10, H, W) of the points of a ball that have these normals (H, W, 3)."""
     longitude, latitude = torch.atan2(normal[..., 1], normal[..., 0]), torch.asin(normal[..., 2].clamp(-1, 1))
     height, width = maps.shape[1:]
     u, v = longitude * (AROUND / (2 * math.pi)), -latitude * (AROUND / (2 * math.pi)) * (width / height)
@@ -124,7 +125,8 @@ def _wrapped(maps: Tensor, normal: Tensor) -> Tensor:
     x = F.grid_sample(padded, grid[None], align_corners=False)
     tangent = torch.stack([-longitude.sin(), longitude.cos(), torch.zeros_like(longitude)], -1)
     frame = torch.stack([tangent, torch.linalg.cross(normal, tangent), normal], -1)
-    own = x[0, 5:8].movedim(0, -1)
+    place = places(len(maps))["normal"]
+    own = x[0, place].movedim(0, -1)
     # Straight down the frame of a normal has no tangents (`ops.shading.frame_of`).
     turned = F.normalize((frame @ own[..., None])[..., 0] + torch.tensor([0.0, 0.0, 1e-5]), dim=-1)
-    return torch.cat([x[:, :5], turned.movedim(-1, 0)[None]], 1)
+    return torch.cat([x[:, : place.start], turned.movedim(-1, 0)[None]], 1)

@@ -37,7 +37,7 @@ SAMPLES = 128
 
 
 def maps_at(state: State, request: Request) -> tuple[Tensor, Maps, int]:
-    """Return the material (8, H, W) at the place of a request, its domain and the step of the weights.
+    """Return the material (8 or 10, H, W) at the place of a request, its domain and the step of the weights.
 
     To be called where it is computed.
 

@@ -35,6 +35,7 @@ def sample_scores(
         UserError: if the references have the shape of neither, or of the pictures of several panels.
     """
     x = generator.sample(n, seed)
+    reference = domain.comparable(reference, x)
     if reference.shape[1:] == x.shape[1:]:
         return domain.scores(x, reference, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
     fitting = [state for state in assignments if state.panel.shape == tuple(reference.shape[1:])]

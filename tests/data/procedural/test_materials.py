@@ -14,7 +14,7 @@ from unproject.data.procedural.materials.noise import Chances, draw
 from unproject.data.procedural.materials.patterns import cells, normals, scratches, texels
 from unproject.data.procedural.materials.plastic import MOULDS
 from unproject.data.procedural.materials.wood import SPECIES, wood_gloss
-from unproject.ops.maps import MAPS, check_maps, luminance
+from unproject.ops.maps import MAPS, check_maps, luminance, unpack_maps, with_specular
 
 DATA_SETS = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
 MANY = 160
@@ -48,6 +48,34 @@ def test_they_are_maps_of_a_material(named):
     assert float(part(maps, "diffuse").max()) <= 0.95
     assert float(part(maps, "roughness").min()) >= 0.02 and float(part(maps, "roughness").max()) <= 0.95
     assert float(part(maps, "normal")[:, 2].min()) > 0.6
+
+
+def test_a_coloured_specular_albedo_is_as_bright_as_the_one_of_one_channel(named):
+    """And has no colour but a metal's."""
+    make, maps = named
+    coloured = make(MANY, 64, seed=0, coloured=True)
+    assert coloured.shape == (MANY, 10, 64, 64)
+    check_maps(coloured)
+    torch.testing.assert_close(with_specular(coloured, 1)[:, 3:], maps[:, 3:], atol=1e-6, rtol=1e-6)
+    if make is not metal:
+        assert torch.equal(coloured, with_specular(maps, 3))
+
+
+def test_metals_have_their_measured_colour_and_no_tint_below(many):
+    """A bare one without patina reflects what was measured; what has other colours is corrosion and paint."""
+    coloured, drawn = metal(MANY, 16, seed=0, coloured=True), draw(METAL, range(MANY), 16, 0)
+    parts = unpack_maps(coloured)
+    bare = ((drawn["finish"] < 0.5) & (drawn["patina"] <= 0) & (drawn["structure"].floor() != 8))[:, 0, 0]
+    assert bare.sum() > 10
+    reflected = torch.tensor([one.reflectance for one in METALS.values()])[drawn["metal"].flatten().long()]
+    torch.testing.assert_close(
+        parts["specular"][bare], reflected[bare, :, None, None].expand(-1, -1, 16, 16), atol=1e-6, rtol=0
+    )
+    unpainted = drawn["finish"].flatten() < 0.5
+    base = parts["diffuse"][unpainted]
+    torch.testing.assert_close(base, base[:, :1].expand_as(base), atol=1e-6, rtol=0)
+    tinted = part(many["metal"], "diffuse")[unpainted]
+    assert (tinted[:, 0] > 1.5 * tinted[:, 2]).any()
 
 
 def test_an_item_depends_on_its_seed_and_index_alone(named):

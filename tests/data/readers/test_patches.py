@@ -8,7 +8,7 @@ from torch import Tensor
 
 from unproject._types import UserError
 from unproject.data import material_patches
-from unproject.ops.maps import MAPS
+from unproject.ops.maps import unpack_maps, with_specular
 
 
 def surface(size: int = 96) -> Tensor:
@@ -25,12 +25,13 @@ def surface(size: int = 96) -> Tensor:
     return maps
 
 
+@pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("side", [0.3, 0.6])
-def test_normals_turn_with_the_surface(side: float) -> None:
+def test_normals_turn_with_the_surface(side: float, channels: int) -> None:
     """The slope of a patch's own height, by differences over its pixels, is that of its normals."""
-    patches = material_patches(surface(), 24, 32, 1, side, side)
+    patches = material_patches(with_specular(surface(), channels), 24, 32, 1, side, side)
     pixel = 2 * side / 32
-    height, normal = patches[:, 3], patches[:, MAPS["normal"]]
+    height, normal = patches[:, 3], unpack_maps(patches)["normal"]
     slope_x = (height[:, 1:-1, 2:] - height[:, 1:-1, :-2]) / (2 * pixel)
     slope_y = (height[:, :-2, 1:-1] - height[:, 2:, 1:-1]) / (2 * pixel)
     inner = normal[:, :, 1:-1, 1:-1]

@@ -37,6 +37,13 @@ def test_each_is_read_as_artists_store_it(tmp_path: Path, name: str, value: tupl
     torch.testing.assert_close(found.items[0, :, 3, 5], torch.tensor(expected), atol=2e-3, rtol=0)
 
 
+def test_a_specular_map_may_be_coloured(tmp_path: Path) -> None:
+    put(tmp_path / "specular", "gold.png", (255, 196, 87))
+    for coloured, expected in ((False, [538 / 765]), (True, [1, 196 / 255, 87 / 255])):
+        found = Collection.photographs(tmp_path, "specular", 16, coloured=coloured).items
+        assert found[0, :, 3, 5].tolist() == pytest.approx(expected, abs=1e-5)
+
+
 def test_the_middle_square_is_taken(tmp_path: Path) -> None:
     picture = np.zeros((32, 64, 3), np.uint8)
     picture[:, 16:48] = 255

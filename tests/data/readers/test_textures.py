@@ -17,7 +17,7 @@ from unproject.data import Collection, read_material
 from unproject.data.readers.texture_maps import normals_from_height
 from unproject.data.readers.texture_names import role_of, words_of
 from unproject.ops.exposure import linear_from_srgb
-from unproject.ops.maps import unpack_maps
+from unproject.ops.maps import luminance, unpack_maps
 
 MEASURED = Path(__file__).parents[4] / "shared" / "data" / "materials" / "svbrdf"
 GREY = 128  # sRGB's middle: 0.2158605 linear
@@ -129,6 +129,26 @@ def test_metal_takes_its_reflectance_from_its_colour(tmp_path: Path) -> None:
     assert maps["diffuse"][:, 0, 0].tolist() == pytest.approx([0.8, 0, 0])
     red, other = 0.8 * 0.04 + 0.2, 0.8 * 0.04
     assert maps["specular"].mean().item() == pytest.approx(0.2126 * red + 0.7874 * other, abs=1e-6)
+
+
+def test_metal_keeps_its_colour_if_asked_to(tmp_path: Path) -> None:
+    """F0 = lerp(0.04, b, w) itself; all else as without, and its luminance what is read without."""
+    maps = maps_of(material(tmp_path, color=(255, 0, 0), metallic=51), specular="colour")
+    red, other = 0.8 * 0.04 + 0.2, 0.8 * 0.04
+    assert maps["specular"][:, 0, 0].tolist() == pytest.approx([red, other, other], abs=1e-6)
+    plain = maps_of(tmp_path)
+    assert torch.equal(luminance(maps.pop("specular")), plain.pop("specular"))
+    assert all(torch.equal(value, plain[name]) for name, value in maps.items())
+
+
+def test_a_coloured_specular_map_is_the_reflectance_itself(tmp_path: Path) -> None:
+    """In sRGB, as specular maps of the specular-glossiness convention are; a grey one scales 0.08 as before."""
+    maps = maps_of(material(tmp_path, specular=(255, GREY, 0)), specular="colour")
+    assert maps["specular"][:, 0, 0].tolist() == pytest.approx([1, LINEAR, 0], abs=1e-6)
+    with pytest.raises(UserError, match="specular.png: is coloured where a grey map is meant"):
+        maps_of(tmp_path)
+    grey = maps_of(material(tmp_path / "grey", specular=255), specular="colour")
+    assert grey["specular"].flatten(1).T.tolist() == [pytest.approx([0.08] * 3)] * SIZE**2
 
 
 def test_a_specular_map_scales_the_dielectrics_reflectance(tmp_path: Path) -> None:
@@ -279,6 +299,7 @@ def noisy(seed: int = 0) -> np.ndarray:
         ({}, {"colour": "linear"}, r"color\.png: 8 bits hold sRGB values"),
         ({}, {"colour": "adobe"}, "colour is one of srgb, linear, not 'adobe'"),
         ({}, {"roughness": "m"}, "roughness is one of perceptual, alpha"),
+        ({}, {"specular": "red"}, "specular is one of luminance, colour, not 'red'"),
         ({}, {"size": 2}, "size of 2"),
     ],
 )
@@ -373,6 +394,15 @@ def test_an_archive_of_maps_is_taken_as_it_is(tmp_path: Path, count: int | None)
     assert x[0, :, 0, 0].tolist() == pytest.approx([0.3] * 3 + [0.04, 0.2, 0, 0, 1])
 
 
+def test_an_archive_may_have_three_specular_channels(tmp_path: Path) -> None:
+    coloured = np.broadcast_to(np.array([1, 0.77, 0.34], np.float32)[:, None, None], (2, 3, SIZE, SIZE))
+    np.savez(tmp_path / "a.npz", **{**arrays(), "specular": coloured})  # pyright: ignore[reportArgumentType]
+    for size in (SIZE, 4):
+        x = Collection.materials(tmp_path / "a.npz", size).items
+        assert x.shape == (2, 10, size, size)
+        assert x[0, :, 0, 0].tolist() == pytest.approx([0.3] * 3 + [1, 0.77, 0.34, 0.2, 0, 0, 1])
+
+
 @pytest.mark.parametrize(
     "changed, reason",
     [
@@ -381,7 +411,7 @@ def test_an_archive_of_maps_is_taken_as_it_is(tmp_path: Path, count: int | None)
         ({"roughness": np.zeros((2, 1, 8, 8), np.float32)}, "roughness is 0"),
         ({"diffuse": np.ones((0, 3, 8, 8), np.float32)}, r"diffuse is of shape \(0, 3, 8, 8\)"),
         ({"roughness": np.ones((8, 8), np.float32)}, r"roughness is of shape \(8, 8\)"),
-        ({"specular": np.ones((2, 3, 8, 8), np.float32)}, r"'specular': give \(N, 1, H, W\)"),
+        ({"specular": np.ones((2, 2, 8, 8), np.float32)}, r"'specular': give \(N, 1, H, W\), or \(N, 3, H, W\) if"),
         ({"normal": np.zeros((2, 3, 8, 8), np.float32)}, "unit length"),
         ({"names": np.array(["one"])}, r"names \(1,\) for 2 materials"),
     ],

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from ..._random import generator_at
 from ..._types import UserError
-from ...ops.maps import MAPS, check_maps, unpack_maps
+from ...ops.maps import check_maps, places, unpack_maps
 
 
 def material_patches(
@@ -26,7 +26,7 @@ def material_patches(
     largest: float = 0.65,
     turn: float = math.pi,
 ) -> Tensor:
-    """(count, 8, size, size) of materials (N, 8, H, W): patch k is a function of (seed, k).
+    """(count, 8, size, size) of materials (N, 8, H, W), or 10 of 10 channels: patch k is a function of (seed, k).
 
     Args:
         smallest, largest: sides of the squares, as a part of the shorter side of the source.
@@ -63,7 +63,7 @@ def _pyramid(materials: Tensor) -> list[Tensor]:
 
 
 def _patch(source: Tensor, side: Tensor, drawn: Tensor, size: int, turn: float) -> Tensor:
-    """One square of (1, 8, H, W); `drawn` in [0, 1): its place, its angle, and whether it is mirrored."""
+    """One square of (1, 8 or 10, H, W); `drawn` in [0, 1): its place, its angle, and whether it is mirrored."""
     height, width = source.shape[2:]
     angle, mirror = (2 * drawn[2] - 1) * turn, -1.0 if drawn[3] < 0.5 else 1.0
     c, s = angle.cos(), angle.sin()
@@ -76,8 +76,8 @@ def _patch(source: Tensor, side: Tensor, drawn: Tensor, size: int, turn: float) 
     place = centre + (square @ axes.T) * half
     grid = torch.stack([2 * place[..., 0], -2 * place[..., 1]], -1)[None]
     seen = F.grid_sample(source, grid, padding_mode="border", align_corners=False)
-    normal = seen[:, MAPS["normal"]].clone()
+    normal = seen[:, places(seen.shape[1])["normal"]]
     normal[:, :2] = torch.einsum("ji,bjhw->bihw", axes, normal[:, :2])
     normal[:, 2].clamp_(min=1e-3)
-    seen[:, MAPS["normal"]] = normal / normal.norm(dim=1, keepdim=True)
+    normal /= normal.norm(dim=1, keepdim=True)
     return seen

@@ -16,7 +16,7 @@ from torch import Tensor
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
-from ...ops.maps import MAPS
+from ...ops.maps import CHANNELS, COLOURED, places
 from .found import Found
 from .framing import centred_square
 from .lights import SAVE, UNREAD, picture_files
@@ -24,10 +24,11 @@ from .lights import SAVE, UNREAD, picture_files
 SMOOTHEST = 1e-3
 
 
-def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> Found:
+def find_photographs(path: Path, name: str, size: int, strict: bool = False, coloured: bool = False) -> Found:
     """Read the pictures (N, C, size, size) of the sub-folder `name`: a map's channels, or a photograph's three.
 
-    The largest centred square of each picture is taken and averaged down.
+    The largest centred square of each picture is taken and averaged down. Of specular maps the mean of the channels is
+    read, or with `coloured` all three.
 
     Raises:
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
@@ -42,7 +43,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
     skipped: dict[str, str] = {}
     for file in files:
         try:
-            found[file.relative_to(path).as_posix()] = photograph(file, name, size)
+            found[file.relative_to(path).as_posix()] = photograph(file, name, size, coloured)
         except UserError as reason:
             if strict:
                 raise
@@ -53,16 +54,17 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False) -> 
     return Found(torch.stack([*found.values()]), tuple(found), None, tuple(skipped.items()), str(folder))
 
 
-def photograph(file: Path, name: str, size: int) -> Tensor:
+def photograph(file: Path, name: str, size: int, coloured: bool = False) -> Tensor:
     """(C, size, size) of the largest centred square: a map's values, or a photograph as it is."""
-    values = _square(file, name, size)
+    place = places(COLOURED if coloured else CHANNELS).get(name, slice(0, 3))
+    values = _square(file, name, size, place.stop - place.start)
     if name == "roughness":
         return (values**2).clamp(min=SMOOTHEST)
     return _normals(file, values) if name == "normal" else values
 
 
-def _square(file: Path, name: str, size: int) -> Tensor:
-    """As many channels as the map has, or three; colours linear."""
+def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
+    """So many channels; colours linear."""
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
@@ -74,7 +76,6 @@ def _square(file: Path, name: str, size: int) -> Tensor:
         )
     if name == "diffuse" and "int" in stored:
         values = linear_from_srgb(values)
-    wanted = MAPS[name].stop - MAPS[name].start if name in MAPS else 3
     values = centred_square(values[None], size)[0]
     return (values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)).float()
 

@@ -34,9 +34,11 @@ class Convention:
     roughness: Literal["perceptual", "alpha"] = "perceptual"
     normal: Literal["auto", "gl", "dx"] = "auto"
     colour: Literal["srgb", "linear"] = "srgb"
+    specular: Literal["luminance", "colour"] = "luminance"
 
     def __post_init__(self) -> None:
         allowed = {"roughness": ("perceptual", "alpha"), "normal": ("auto", "gl", "dx"), "colour": ("srgb", "linear")}
+        allowed |= {"specular": ("luminance", "colour")}
         for name, values in allowed.items():
             if getattr(self, name) not in values:
                 raise UserError(f"material: {name} is one of {', '.join(values)}, not {getattr(self, name)!r}")
@@ -70,23 +72,26 @@ def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Con
     """The four maps (1, C, H, W) by the formulas above."""
     colour = _colour(textures.files["colour"], pictures["colour"], convention.colour)
     flat = torch.zeros_like(colour[:1])
+    reflected, tinted = flat + DIELECTRIC, convention.specular == "colour"
+    if "specular" in pictures:
+        reflected = _reflectance(textures.files["specular"], pictures["specular"], tinted)
     grey = {role: _grey(textures.files[role], p) for role, p in pictures.items() if role in GREY}
     if "packed" in pictures:
         _, rough, metallic = _channels(textures.files["packed"], pictures["packed"])
         grey = {"roughness": rough[None], "metallic": metallic[None], **grey}
     metallic = grey.get("metallic", flat)
-    f0 = torch.lerp(SPECULAR * grey["specular"] if "specular" in grey else flat + DIELECTRIC, colour, metallic)
+    f0 = torch.lerp(reflected, colour, metallic)
     rough = grey["roughness"] ** 2 if convention.roughness == "perceptual" else grey["roughness"]
     maps = {
         "diffuse": colour * (1 - metallic),
-        "specular": luminance(f0),
+        "specular": f0 if tinted else luminance(f0),
         "roughness": rough.clamp(min=SMOOTHEST),
         "normal": _normal(textures, pictures, flat),
     }
     return {name: value[None] for name, value in maps.items()}
 
 
-GREY = ("roughness", "metallic", "specular")
+GREY = ("roughness", "metallic")
 
 
 def _unit(file: Path, picture: Picture) -> Tensor:
@@ -103,9 +108,19 @@ def _channels(file: Path, picture: Picture) -> Tensor:
     return _unit(file, picture)
 
 
+def _reflectance(file: Path, picture: Picture, tinted: bool) -> Tensor:
+    """F0 of a specular map: 0.08 s of a grey one s, a coloured one itself, in sRGB if stored as integers."""
+    return _colour(file, picture, "srgb") if tinted and _is_coloured(picture) else SPECULAR * _grey(file, picture)
+
+
+def _is_coloured(picture: Picture) -> bool:
+    pixels = picture.pixels
+    return bool(np.abs(pixels - pixels.mean(2, keepdims=True)).mean() > COLOURED)
+
+
 def _grey(file: Path, picture: Picture) -> Tensor:
     values = _unit(file, picture)
-    if (values - values.mean(0)).abs().mean() > COLOURED:
+    if _is_coloured(picture):
         raise UserError(
             f"{file}: is coloured where a grey map is meant; save it grey, or name it `arm` if red, green and blue are "
             "occlusion, roughness and metallic"

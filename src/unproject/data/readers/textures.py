@@ -4,11 +4,12 @@ A texture set in the metallic-roughness convention (base colour b, metallic w, r
 `fresnel="albedo"`, where the specular albedo is the reflectance at normal incidence itself:
 
     F0 = (1 - w) 0.04 + w b       0.08 s in place of 0.04 where there is a specular map s
-    k_d = (1 - w) b,   k_s = 0.2126 F0_r + 0.7152 F0_g + 0.0722 F0_b
+    k_d = (1 - w) b,   k_s = 0.2126 F0_r + 0.7152 F0_g + 0.0722 F0_b,   or F0 itself with specular="colour"
     m = r², at least 0.001        m = r with roughness="alpha"
     n = 2 v - 1, renormalised     y turned over if the map has it pointing down ("DX"); w is 0 without a map
 
-Without a normal map, n comes from the height map if there is one, else the surface is flat.
+With specular="colour" a specular map that is coloured is itself in the place of 0.04. Without a normal map, n comes
+from the height map if there is one, else the surface is flat.
 
 `texture_names.py` says which file is which map.
 """
@@ -27,7 +28,7 @@ from torch import Tensor
 
 from ..._files import paths_below
 from ..._types import UserError
-from ...ops.maps import MAPS, check_maps, pack_maps
+from ...ops.maps import MAPS, check_maps, pack_maps, places
 from .arrays import load_arrays
 from .found import Found, check_size
 from .framing import centred_square
@@ -42,8 +43,9 @@ def read_material(
     roughness: Literal["perceptual", "alpha"] = "perceptual",
     normal: Literal["auto", "gl", "dx"] = "auto",
     colour: Literal["srgb", "linear"] = "srgb",
+    specular: Literal["luminance", "colour"] = "luminance",
 ) -> Tensor:
-    """Read the maps (8, H, W) of a folder of textures, as `ops.maps` packs them and `fresnel="albedo"` reads them.
+    """Read the maps (8 or 10, H, W) of a folder of textures, packed as `ops.maps` says, meant for `fresnel="albedo"`.
 
     Args:
         folder: holds a colour map and a roughness or a packed one (red occlusion, green roughness, blue metallic).
@@ -51,6 +53,7 @@ def read_material(
         roughness: what the map holds: "perceptual" r with m = r² (glTF, ambientCG, Poly Haven) or "alpha" m itself.
         normal: "gl" has green up and "dx" down; "auto" goes by the name, OpenGL where it says nothing.
         colour: how integer pixels of the colour map are encoded; floats are linear always.
+        specular: "colour" keeps the colour of metals, in three channels of the specular albedo; "luminance" has one.
 
     Raises:
         UserError: for a map that is missing, double, damaged or of another size, or values that cannot be that map's.
@@ -58,7 +61,7 @@ def read_material(
     folder = Path(folder)
     if size is not None:
         check_size(folder, size)
-    convention = Convention(roughness, normal, colour)
+    convention = Convention(roughness, normal, colour, specular)
     textures = find_textures(folder, convention.normal)
     maps = maps_of(textures, check_same_size(folder, pictures_of(textures)), convention)
     return check_maps(_resized(pack_maps(maps), size), str(folder))[0]
@@ -70,10 +73,11 @@ def find_materials(
     convention: Convention | None = None,
     strict: bool = False,
 ) -> Found:
-    """Read materials (N, 8, size, size), or as stored, with their names, and which were skipped and why.
+    """Read materials (N, 8 or 10, size, size), or as stored, with their names, and which were skipped and why.
 
     A folder is a material, or holds folders of materials at any depth. An .npz holds `diffuse`, `specular`,
-    `roughness` and `normal`, (N, C, H, W) or (C, H, W), floats as `unproject sample` writes them: taken as they are.
+    `roughness` and `normal`, (N, C, H, W) or (C, H, W), floats as `unproject sample` writes them: taken as they are,
+    with one or three specular channels.
 
     Raises:
         UserError: if there is no material, none that can be used, or with `strict` one that cannot.
@@ -152,9 +156,9 @@ def _from_arrays(path: Path, size: int | None) -> Found:
 
 
 def _resized(maps: Tensor, size: int | None) -> Tensor:
-    """(B, 8, size, size) of the largest centred square: area averages, bilinear where it grows; normals stay unit."""
+    """(B, C, size, size) of the largest centred square: area averages, bilinear where it grows; normals stay unit."""
     if size is None or maps.shape[-2:] == (size, size):
         return maps
     maps = centred_square(maps, size)
-    place = MAPS["normal"]
+    place = places(maps.shape[1])["normal"]
     return torch.cat([maps[:, : place.start], F.normalize(maps[:, place], dim=1)], 1)

@@ -34,7 +34,7 @@ from torch import Tensor
 
 from ...._types import UserError
 from ....ops.exposure import linear_from_srgb
-from ....ops.maps import luminance, pack_maps, unpack_maps
+from ....ops.maps import luminance, pack_maps, unpack_maps, with_specular
 from ..span import Span
 from .noise import FINEST, Chances, Draws
 
@@ -79,11 +79,11 @@ def build_correlated(d: Draws, diffuse_normal: float, specular_roughness: float)
 
 
 def octave_correlations(maps: Tensor) -> Tensor:
-    """The statistic above of maps (N, 8, S, S): (N, octaves, 4, 4), rows and columns in the order of `FIELDS`.
+    """The statistic above of maps (N, 8 or 10, S, S): (N, octaves, 4, 4), rows and columns in the order of `FIELDS`.
 
     0 where a field has nothing in an octave.
     """
-    parts = unpack_maps(maps.double())
+    parts = unpack_maps(with_specular(maps.double(), 1))
     fields = torch.stack(
         [
             luminance(parts["diffuse"])[:, 0],

@@ -1,8 +1,8 @@
 """Metals: brushed, scratched, worn, hammered, ribbed, embossed, perforated and riveted; bare, corroded or painted.
 
-A bare metal has next to no diffuse albedo; its k_s is the luminance of its reflectance at normal incidence, because a
-map of one channel cannot hold the tint of copper or gold: a trace of it is left in k_d. Corrosion and paint are
-dielectrics that cover the metal where their mask is 1,
+A bare metal has next to no diffuse albedo. Its k_s is its reflectance at normal incidence, a colour; or, as a map of
+one channel cannot hold the tint of copper or gold, the luminance of it, with a trace of the tint in k_d. Corrosion and
+paint are dielectrics that cover the metal where their mask is 1,
 
     k = bare + mask · (cover - bare)   for k_d, k_s and m,   height + mask · thickness
 
@@ -101,11 +101,11 @@ class Surface(NamedTuple):
         return Surface(*(torch.lerp(a, b.expand_as(a), mask.expand_as(a)) for a, b in zip(self, cover)))
 
 
-def build_metal(d: Draws) -> Tensor:
-    """Maps (B, 8, S, S) of drawn metals."""
+def build_metal(d: Draws, coloured: bool = False) -> Tensor:
+    """Maps (B, 8, S, S) of drawn metals; (B, 10, S, S) with `coloured` reflectances and no tint in k_d."""
     height, dull, hole = by_kind(d["structure"], STRUCTURES, d).unbind(1)
     scratch = d["hits"].clamp(min=0) * scratches(d.table("scratch"), d.size)
-    surface = bare(d, dull + 0.8 * scratch)
+    surface = bare(d, dull + 0.8 * scratch, coloured)
     hollow = standardised(-height)
     rust, paint = rust_mask(d, hollow), paint_mask(d, hollow)
     surface = surface.under(corroded(d), rust[:, None]).under(painted(d), paint[:, None])
@@ -116,13 +116,14 @@ def build_metal(d: Draws) -> Tensor:
     return pack_maps({"diffuse": diffuse, "specular": specular, "roughness": roughness, "normal": normals(height)})
 
 
-def bare(d: Draws, dull: Tensor) -> Surface:
+def bare(d: Draws, dull: Tensor, coloured: bool) -> Surface:
     """The metal itself, tarnished here and there."""
     tint = torch.tensor([metal.reflectance for metal in METALS.values()])[d["metal"].flatten().long()][:, :, None, None]
     clouds = d.clouds("clouds", 1.4)
     tarnish = d["patina"].clamp(min=0) * smooth(0.3 + 0.4 * clouds)
-    diffuse = 0.03 * tint**2 * (0.3 + tarnish)[:, None]
-    specular = luminance(tint) * (1 - 0.35 * tarnish)[:, None]
+    grey = luminance(tint)
+    diffuse = 0.03 * (grey.expand_as(tint) if coloured else tint) ** 2 * (0.3 + tarnish)[:, None]
+    specular = (tint if coloured else grey) * (1 - 0.35 * tarnish)[:, None]
     roughness = d["roughness"] * torch.exp(d["clouds"] * clouds + dull + 0.5 * tarnish)
     return Surface(diffuse, specular, roughness[:, None])
 
