@@ -3007,8 +3007,8 @@ ANY_CLASS = (
     mutant(
         "rectilinear: its weight stays",
         "adversarial/regularisers.py",
-        "(final / weight) ** fallen",
-        "(final / weight) ** 0",
+        "(self.final / self.weight) ** fallen",
+        "(self.final / self.weight) ** 0",
         "adversarial/test_regularisers.py::test_empty_volumes_are_finite_and_its_weight_falls_geometrically",
     ),
     mutant(
@@ -3044,6 +3044,13 @@ ANY_CLASS = (
         "adversarial/regularisers.py",
         "proportions = sizes - sizes.roll(1, 0)",
         "proportions = sizes - sizes.roll(0, 0)",
+        "adversarial/test_regularisers.py",
+    ),
+    mutant(
+        "varied: from the start on",
+        "adversarial/regularisers.py",
+        "min(max(2 * (progress / self.begin - 1.0), 0.0), 1.0) * alike.mean()",
+        "alike.mean()",
         "adversarial/test_regularisers.py",
     ),
     mutant(

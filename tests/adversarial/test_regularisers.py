@@ -156,11 +156,11 @@ BOX = (8, 12, 16)
 def test_varied_of_boxes_by_hand(other: tuple[int, ...], differences: tuple[int, ...]) -> None:
     apart = [math.log(max(1, ratio)) ** 2 for ratio in differences]
     by_hand = sum(math.log1p(2 * 0.09 / (square + 1e-3)) for square in apart) / 3
-    dense = Varied(2.0, 2.0, density=20.0)
-    assert dense(torch.cat([box(*BOX), box(*other)]), 0.0).item() == pytest.approx(2 * by_hand, rel=0.01)
+    dense = Varied(2.0, density=20.0)
+    assert dense(torch.cat([box(*BOX), box(*other)]), 1.0).item() == pytest.approx(2 * by_hand, rel=0.01)
     four = torch.cat([box(*BOX), box(*BOX), box(*other), box(*BOX), box(9, 9, 9)])  # the last is left out
     of_alike = 2 * math.log1p(2 * 0.09 / 1e-3)
-    assert dense(four, 0.0).item() == pytest.approx((2 * by_hand + of_alike) / 2, rel=0.01)
+    assert dense(four, 1.0).item() == pytest.approx((2 * by_hand + of_alike) / 2, rel=0.01)
 
 
 def test_descent_makes_shapes_differ_and_no_more_than_by_the_spread() -> None:
@@ -170,7 +170,7 @@ def test_descent_makes_shapes_differ_and_no_more_than_by_the_spread() -> None:
     for _ in range(150):
         x, z = (torch.sigmoid(8 * torch.exp(s)[:, None] - height.abs()) for s in sides)
         volumes_of = x[:, :, None, None] * torch.ones(4)[None, None, :, None] * z[:, None, None, :]
-        loss = Varied(1.0, 1.0, density=20.0)(volumes_of, 0.0) + 0.5 * sides.square().sum()
+        loss = Varied(1.0, density=20.0)(volumes_of, 1.0) + 0.5 * sides.square().sum()
         adam.zero_grad()
         loss.backward()
         adam.step()
@@ -178,15 +178,15 @@ def test_descent_makes_shapes_differ_and_no_more_than_by_the_spread() -> None:
     assert gap[0] < 0.02 and 0.2 < gap[-1] < 1.5
 
 
-def test_a_single_shape_and_empty_ones_have_finite_gradients_of_variety() -> None:
+def test_variety_of_one_and_of_empty_ones_is_finite_and_its_weight_rises_late() -> None:
     for x in (volumes(0.0), volumes(0.0, 0.3)):
-        Varied()(x, 0.0).backward()
+        Varied()(x, 1.0).backward()
         assert x.grad is not None and x.grad.isfinite().all()
-    assert Varied()(volumes(0.5), 0.0) == 0
+    assert Varied()(volumes(0.5), 1.0) == 0
     alike = torch.cat([box(*BOX), box(*BOX)])
-    falling = Varied(0.9, 0.1, until=0.4)
-    for progress, weight in ((0.0, 0.9), (0.4, 0.9), (0.45, 0.3), (0.5, 0.1), (1.5, 0.1)):
-        assert falling(alike, progress).item() == pytest.approx(Varied(weight, weight)(alike, 0.0).item())
+    rising = Varied(0.8, begin=0.4)
+    for progress, share in ((0.0, 0.0), (0.4, 0.0), (0.45, 0.25), (0.5, 0.5), (0.6, 1.0), (1.5, 1.0)):
+        assert rising(alike, progress).item() == pytest.approx(share * rising(alike, 1.0).item(), abs=1e-6)
 
 
 # Connected

@@ -115,7 +115,7 @@ def test_plans_are_preferred_rectangular_and_varied_where_views_do_not_tell_them
     made = shapes(data=volumes, views=views, solid=0.0, varied=0.0, **SMALL)
     assert made.regulariser == (Rectilinear(1.0, 0.3) if unknown else None)
     made = shapes(data=volumes, views=views, solid=0.0, rectilinear=0.0, **SMALL)
-    assert made.regulariser == (Varied(0.3, 0.3 / 3) if unknown else None)
+    assert made.regulariser == (Varied(0.1) if unknown else None)
 
 
 def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:

@@ -98,11 +98,12 @@ class Rectilinear:
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z) when `progress`, a part of the budget in [0, 1], is spent."""
+        fallen = min(max(4 * (progress / self.until - 1.0), 0.0), 1.0)
+        weight = self.weight * (self.final / self.weight) ** fallen
         plan = _plan(x, self.density)
         along_x, along_z = _edges(plan)
         area = plan.square().flatten(1).sum(1) + TINY
-        rectangular = along_x.log() + along_z.log() - (4 * area).log()
-        return _falling(self.weight, self.final, self.until, progress) * rectangular.mean()
+        return weight * (along_x.log() + along_z.log() - (4 * area).log()).mean()
 
 
 @dataclass(frozen=True)
@@ -119,12 +120,13 @@ class Varied:
     one plan, or one side the same to a voxel. As little as this decides for objects that differ, where pictures do not
     tell; where views are told by more than widths, discriminators object.
 
-    w is `weight` up to the part `until` of the budget, falls geometrically to `final` up to a quarter more, and stays.
+    w is 0 up to the part `begin` of the budget and rises to `weight` by half as much again. Where views can be told
+    they are found first: from the start on it would make cars as wide as they are long.
 
     Args:
-        weight, final: w at the start and at the end.
+        weight: w.
         spread: s, the deviation of a up to which shapes are to differ.
-        until: part of the budget from which on it falls.
+        begin: part of the budget.
         density: a full voxel absorbs 1 - exp(-density).
 
     Raises:
@@ -135,18 +137,17 @@ class Varied:
         >>> x = torch.zeros(2, 8, 8, 8)
         >>> x[0, 2:6, :4, 2:6], x[1, 1:7, :4, 3:5] = 1, 1
         >>> alike, different = x[:1].repeat(2, 1, 1, 1), x
-        >>> up.Varied()(different, progress=0.0) < 0.2 * up.Varied()(alike, progress=0.0)
+        >>> up.Varied()(different, progress=1.0) < 0.2 * up.Varied()(alike, progress=1.0)
         tensor(True)
     """
 
-    weight: float = 0.3
-    final: float = 0.1
+    weight: float = 0.1
     spread: float = 0.3
-    until: float = 0.2
+    begin: float = 0.2
     density: float = 2.0
 
     def __post_init__(self) -> None:
-        numbers = (self.weight, self.final, self.spread, self.until, self.density)
+        numbers = (self.weight, self.spread, self.begin, self.density)
         if not all(0 < value < math.inf for value in numbers):
             raise UserError(f"{self}: give positive numbers, or leave the term out")
 
@@ -164,17 +165,11 @@ class Varied:
         proportions = sizes - sizes.roll(1, 0)
         apart = (proportions[:, :half] - proportions[:, half : 2 * half]).square()
         alike = torch.log1p(2 * self.spread**2 / (apart + LEAST_APART))
-        return _falling(self.weight, self.final, self.until, progress) * alike.mean()
+        return self.weight * min(max(2 * (progress / self.begin - 1.0), 0.0), 1.0) * alike.mean()
 
 
 LEAST_APART = 1e-3
 """ε: differences under 3 % are less than a voxel's."""
-
-
-def _falling(weight: float, final: float, until: float, progress: float) -> float:
-    """`weight` up to `until`, then geometrically to `final` within a quarter of `until`."""
-    fallen = min(max(4 * (progress / until - 1.0), 0.0), 1.0)
-    return weight * (final / weight) ** fallen
 
 
 def _plan(x: Tensor, density: float) -> Tensor:

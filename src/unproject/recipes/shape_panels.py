@@ -46,7 +46,7 @@ def regulariser_of(
     unknown = views not in ("known", "direct")
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
     terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and unknown else []
-    terms += [Varied(varied, varied / 3)] if varied and unknown else []
+    terms += [Varied(varied)] if varied and unknown else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)

@@ -58,7 +58,7 @@ def shapes(
     gamma: float = 0.1,
     solid: float = 0.1,
     rectilinear: float = 1.0,
-    varied: float = 0.3,
+    varied: float = 0.1,
     connected: float = 3.0,
     information: float = 0.0,
     rounds: int = 40,
@@ -96,9 +96,9 @@ def shapes(
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
         rectilinear: weight at the start of the preference for shapes that are rectangles from above, if views are not
             known; it falls to 0.3 of it early. Of worlds that match the pictures alike it decides for simple plans.
-        varied: weight at the start of the preference for shapes that differ in their proportions, if views are not
-            known; it falls to a third early. Where wide and narrow pictures may be objects or the sides of one, it
-            decides for objects.
+        varied: weight of the preference for shapes that differ in their proportions, if views are not known, after a
+            fifth of the budget. Where wide and narrow pictures may be objects or the sides of one, it decides for
+            objects.
         connected: weight of the preference for shapes in one piece.
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.
