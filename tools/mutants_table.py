@@ -1642,6 +1642,27 @@ LAWS = (
         "test_picture_files.py",
     ),
     mutant(
+        "exported: values above one stay divided",
+        "data/readers/exported.py",
+        'else values) * float(about["scale"])',
+        "else values) * 1.0",
+        "data/readers/test_exported.py",
+    ),
+    mutant(
+        "exported: the colours stay encoded",
+        "data/readers/exported.py",
+        'if about["encoding"] == "sRGB" else values',
+        'if about["encoding"] == "" else values',
+        "data/readers/test_exported.py",
+    ),
+    mutant(
+        "exported: pictures may lie elsewhere",
+        "data/readers/exported.py",
+        'Path(about["file"]).name != about["file"] or',
+        "False or",
+        "data/readers/test_exported.py",
+    ),
+    mutant(
         "machine: large blocks lie in heaps",
         "cli/_machine.py",
         "set_option(M_MMAP_THRESHOLD, LARGE)",

@@ -35,7 +35,7 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
 def regulariser_of(
-    views: Views, weights: tuple[float, float, float, float], projection: Projection, bands: int
+    views: Views, weights: tuple[float, float, float, float], observation: Observation, bands: int
 ) -> Regulariser | None:
     """Return the preferences whose weight is not zero: for full volumes, rectangular plans, variety, one piece.
 
@@ -48,7 +48,7 @@ def regulariser_of(
     terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and unknown else []
     terms += [Varied(varied)] if varied and unknown else []
     terms += [Connected(connected)] if connected else []
-    terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(projection, Cropped) else []
+    terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(observation.projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 

@@ -112,6 +112,7 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
+    options = {"batch": 48, "views_per_sample": 1 if views == "direct" else 2, **options}
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     symmetry = mirror_of(mirror, views, collection)
@@ -125,13 +126,9 @@ def shapes(
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(
-            views, (solid, rectilinear, varied, connected), observations[0].projection, bands or 1
-        ),
+        regulariser=regulariser_of(views, (solid, rectilinear, varied, connected), observations[0], bands or 1),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
-        batch=48,
-        views_per_sample=1 if views == "direct" else 2,
         steps=steps_of(size),
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,

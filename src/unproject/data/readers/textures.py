@@ -30,6 +30,7 @@ from ..._files import paths_below
 from ..._types import UserError
 from ...ops.maps import MAPS, check_maps, pack_maps, places
 from .arrays import load_arrays
+from .exported import exported_maps, exported_note
 from .found import Found, check_size
 from .framing import centred_square
 from .texture_maps import Convention, check_same_size, maps_of, pictures_of
@@ -47,6 +48,8 @@ def read_material(
 ) -> Tensor:
     """Read the maps (8 or 10, H, W) of a folder of textures, packed as `ops.maps` says, meant for `fresnel="albedo"`.
 
+    A folder that `unproject export` wrote says in its material.json what its pictures mean, and is read by that.
+
     Args:
         folder: holds a colour map and a roughness or a packed one (red occlusion, green roughness, blue metallic).
         size: side of the result, area averages of the largest centred square; default: as stored.
@@ -62,8 +65,12 @@ def read_material(
     if size is not None:
         check_size(folder, size)
     convention = Convention(roughness, normal, colour, specular)
-    textures = find_textures(folder, convention.normal)
-    maps = maps_of(textures, check_same_size(folder, pictures_of(textures)), convention)
+    note = exported_note(folder)
+    if note is not None:
+        maps = exported_maps(folder, note, convention.specular == "colour")
+    else:
+        textures = find_textures(folder, convention.normal)
+        maps = maps_of(textures, check_same_size(folder, pictures_of(textures)), convention)
     return check_maps(_resized(pack_maps(maps), size), str(folder))[0]
 
 

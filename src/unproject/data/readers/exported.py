@@ -1,0 +1,69 @@
+"""Materials as `unproject export` writes them: pictures, and material.json, which says what their numbers mean."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from ..._files import read_json, understood
+from ..._pictures import read_stored
+from ..._types import UserError
+from ...ops.exposure import linear_from_srgb
+from ...ops.maps import luminance
+
+NOTE, FORMAT = "material.json", "unproject material"
+FIX = f"export the material again, or remove {NOTE} to have its pictures read as any texture maps"
+CHANNELS = {"basecolor": (3,), "specular": (1, 3), "roughness": (1,), "normal": (3,)}
+SMOOTHEST = 1e-3
+
+
+def exported_note(folder: Path) -> dict[str, Any] | None:
+    """Return what material.json says of each picture, by name; None if there is none, or it is another program's.
+
+    Raises:
+        UserError: if it is damaged.
+    """
+    file = folder / NOTE
+    if not file.is_file() or FORMAT not in file.read_text(encoding="utf-8", errors="replace"):
+        return None
+    content = read_json(file, FIX)
+    with understood(file, FIX):
+        maps = {name: content["maps"][name] for name in CHANNELS}
+        for about in maps.values():
+            if Path(about["file"]).name != about["file"] or about["encoding"] not in ("sRGB", "linear"):
+                raise ValueError(f"{about['file']!r} in {about['encoding']!r} is no picture beside it")
+            if not 0 < float(about["scale"]) < math.inf:
+                raise ValueError(f"the scale {about['scale']!r} is no positive number")
+    return maps
+
+
+def exported_maps(folder: Path, note: dict[str, Any], tinted: bool) -> dict[str, Tensor]:
+    """Return the four maps (1, C, H, W): k_d, k_s = F0 (its luminance, or with `tinted` three channels), m = r², n."""
+    found = {name: _decoded(folder / about["file"], about, CHANNELS[name]) for name, about in note.items()}
+    sizes = {name: values.shape[1:] for name, values in found.items()}
+    if len({*sizes.values()}) > 1:
+        said = ", ".join(f"{name} {width} × {height}" for name, (height, width) in sizes.items())
+        raise UserError(f"{folder}: pictures differ in size ({said}); {FIX}")
+    f0 = found["specular"]
+    maps = {
+        "diffuse": found["basecolor"],
+        "specular": f0.expand(3, -1, -1) if tinted else luminance(f0) if len(f0) == 3 else f0,
+        "roughness": (found["roughness"] ** 2).clamp(min=SMOOTHEST),
+        "normal": F.normalize(2 * found["normal"] - 1, dim=0),
+    }
+    return {name: values[None] for name, values in maps.items()}
+
+
+def _decoded(file: Path, about: dict[str, Any], channels: tuple[int, ...]) -> Tensor:
+    """The quantity (C, H, W), linear: the picture without its encoding, times its scale."""
+    pixels = read_stored(file).pixels
+    if pixels.shape[2] not in channels or not np.isfinite(pixels).all():
+        raise UserError(f"{file}: has {pixels.shape[2]} channels, or values that are no numbers; {FIX}")
+    values = torch.from_numpy(np.moveaxis(pixels, 2, 0).copy())
+    return (linear_from_srgb(values) if about["encoding"] == "sRGB" else values) * float(about["scale"])
