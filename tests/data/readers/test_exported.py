@@ -20,7 +20,8 @@ TOLERANCE = {"8": 0.02, "16": 1e-3, "half": 2e-3, "float": 1e-5}
 def materials(kind: str) -> torch.Tensor:
     maps = up.data.metal(2, 16, seed=1, coloured=kind == "coloured")
     if kind == "bright":
-        maps = pack_maps({**unpack_maps(maps), "diffuse": 3 * unpack_maps(maps)["diffuse"]})
+        specular = unpack_maps(maps)["specular"]
+        maps = pack_maps({**unpack_maps(maps), "specular": 2.5 * specular / specular.amax((1, 2, 3), keepdim=True)})
     return maps
 
 
