@@ -2783,8 +2783,8 @@ ANY_CLASS = (
     mutant(
         "shapes: those of cropped pictures may be anywhere",
         "recipes/shape_panels.py",
-        'if bands == 1 else "xyz")] if isinstance(projection, Cropped)',
-        'if bands == 1 else "xyz")] if projection is None',
+        'if bands == 1 else "xyz")] if isinstance(observation.projection, Cropped)',
+        'if bands == 1 else "xyz")] if observation is None',
         "recipes/test_cropped_pictures.py::test_shapes_are_kept_in_the_middle_if_pictures_were_cropped",
     ),
     mutant(
@@ -3663,8 +3663,8 @@ PHOTOGRAPHED = (
     mutant(
         "photographs: damaged ones are left out in silence",
         "recipes/material_panels.py",
-        "observation.name, size).warn_skipped().floats()",
-        "observation.name, size).floats()",
+        "coloured=coloured).warn_skipped().floats()",
+        "coloured=coloured).floats()",
         "recipes/test_materials.py::test_photographs_that_are_not_used_are_warned_of",
     ),
     mutant(

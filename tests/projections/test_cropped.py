@@ -175,10 +175,12 @@ def test_gradients_by_latents_know_of_the_frame(name: str, camera: dict[str, flo
 @pytest.mark.parametrize("prior", [LEVEL, ANYWHERE, PHOTOGRAPHER], ids=["level", "anywhere", "photographer"])
 @pytest.mark.parametrize("rule", ["any", "absorption"])
 def test_all_laws_hold_but_that_of_the_gradient(rule: str, prior: Product) -> None:
-    """Where the object is in the picture is a constant for gradients."""
+    """Where the object is in the picture is a constant for gradients in x, and in a level view in the azimuth."""
     look = Cropped(Silhouette(size=6, rule=rule), 0.5)  # type: ignore[arg-type]
     results = run_laws(Observation("cropped", look, prior))
-    assert {result.name for result in results if not result.passed} <= {"differentiable"}
+    assert {result.name for result in results if not result.passed} <= {"differentiable"} | (
+        {"latents"} if prior is LEVEL else set()
+    )
 
 
 def test_a_fixed_pinhole_is_refused() -> None:

@@ -29,7 +29,8 @@ class Cropped(Projection):
 
     The camera is aimed at the object, so that nothing is resampled. A level orthographic one is moved sideways only and
     keeps its scale; other pictures are centred, and as high as the occupied part of the volume. Where the object is in
-    the picture counts as constant for gradients in x, but not for those in the latents.
+    the picture counts as constant for gradients in x, and in level views for those in the azimuth, but not for those in
+    the latents of cameras that are learned.
 
     Attributes:
         silhouette: P; its `size` is that of the result.
