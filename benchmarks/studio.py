@@ -202,6 +202,7 @@ def main() -> None:
         process, address = started(Path(name))
         try:
             page = browser.new_page(viewport={"width": 1280, "height": 720})
+            page.set_default_timeout(120_000)  # a busy machine is no fault of the page
             found: dict[str, Any] = {"first_picture_s": round(first_picture(page, address), 3)}
             found["mesh_ms"] = milliseconds(page, address, "explore?run=chairs", SLIDE)
             found["rendering_ms"] = milliseconds(page, address, "materials?run=wood", DRAG)
