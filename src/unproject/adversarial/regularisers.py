@@ -159,8 +159,8 @@ class Varied:
         half = len(x) // 2
         if not half:
             return 0.0 * x.sum()
-        depth, width = _edges(_plan(x, self.density))
-        height = 2 * (1 - torch.exp(-self.density * x.sum((1, 3)))).sum(1) + TINY
+        depth, width = _edges(_plan(x, self.density))  # twice of each, which differences do not hold
+        height = (1 - torch.exp(-self.density * x.sum((1, 3)))).sum(1) + TINY
         sizes = torch.stack([width, depth, height]).log()
         proportions = sizes - sizes.roll(1, 0)
         apart = (proportions[:, :half] - proportions[:, half : 2 * half]).square()

@@ -16,11 +16,11 @@ from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
 from ...ops.maps import luminance
+from .texture_maps import SMOOTHEST
 
 NOTE, FORMAT = "material.json", "unproject material"
 FIX = f"export the material again, or remove {NOTE} to have its pictures read as any texture maps"
 CHANNELS = {"basecolor": (3,), "specular": (1, 3), "roughness": (1,), "normal": (3,)}
-SMOOTHEST = 1e-3
 
 
 def exported_note(folder: Path) -> dict[str, Any] | None:
