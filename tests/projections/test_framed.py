@@ -9,9 +9,11 @@ import torch
 
 import unproject as up
 from unproject import UserError
+from unproject._random import generator_at
 from unproject.data import chairs
 from unproject.projections import FramedSilhouette, Silhouette
-from unproject.testing import run_laws
+from unproject.testing import apply_laws
+from unproject.testing.projections import PROJECTION_LAWS, projection_case
 
 SIDE = 32
 
@@ -21,7 +23,11 @@ def test_all_laws_hold_but_that_of_the_gradient(rule: str) -> None:
     """Where the object is in the picture is a constant for gradients."""
     prior = up.Product(up.Uniform("azimuth", 0, 6.28), up.Uniform("elevation", -0.5, 0.5))
     part = up.Observation("look", FramedSilhouette(Silhouette(size=6, rule=rule)), prior)  # type: ignore[arg-type]
-    assert {result.name for result in run_laws(part) if not result.passed} <= {"differentiable", "latents"}
+    few = (
+        torch.rand(2, 5, 5, 5, generator=generator_at(0)) ** 3
+    )  # where gradcheck fails it is slow
+    results = apply_laws(PROJECTION_LAWS, projection_case(part, few, 0))
+    assert {result.name for result in results if not result.passed} <= {"differentiable", "latents"}
 
 
 def test_size_and_place_are_forgotten() -> None:
