@@ -39,7 +39,8 @@ def run(
     """Render the maps of a material as a camera sees them that is aimed at their centre.
 
     Args:
-        maps: An .npz as `unproject sample` writes it, or a folder of textures as ambientCG and Poly Haven name them.
+        maps: An .npz as `unproject sample` writes it, or a folder of textures, as ambientCG and Poly Haven
+            name them or `export` wrote them.
         out: A .png or .gif, exposed, with gamma 2.2; or an .npy of linear radiance (H, W, 3), (N, H, W, 3) of several.
         view: The camera's angle from the normal and, after a comma, its azimuth (default: -90, the bottom edge).
         light: env:FILE (.hdr, .exr or .npy), env:NAME (sky, overcast, studio, window, night), ambient,

@@ -1,6 +1,6 @@
 """Shapes from silhouettes: the recipes of the paper's Part I, and modern ones.
 
-The arms of every comparison differ by `views` alone; `pairing` has the table.
+The arms of a comparison differ by `views`, and by preferences that only unknown views have; `pairing` has the table.
 """
 
 from __future__ import annotations

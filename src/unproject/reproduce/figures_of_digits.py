@@ -81,8 +81,8 @@ DIGITS = Figure(
         "Arms have the same minutes in the cpu budget: a step on lines takes a third of the time of a step on images, "
         "so arms on lines have three times as many steps.",
         "Predicted directions of the modern recipe are 20 over a whole turn, not 10 over half of one, since an image "
-        "may come out turned so far that its lines are read from the other end; they start from initial directions, "
-        "those of Gaussian images fitted to the lines.",
+        "may come out turned so far that its lines are read from the other end; in runs until "
+        "23 November 2026 they start from initial directions, those of Gaussian images fitted to the lines.",
         "In the cpu budget networks of the paper's recipe are smaller, equally in both its arms: full ones take days "
         "there.",
     ),

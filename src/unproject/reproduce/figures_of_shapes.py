@@ -75,7 +75,8 @@ def shapes_figure(name: str, data_set: str, real: tuple[Arm, ...], with_data: st
             f"The embedded {data_set} are a procedural data set, and their silhouettes are rendered; with `--data`, "
             f"{with_data}.",
             "32³ in the cpu budget; 64³, as in the paper, in the gpu budget.",
-            "This project's recipe makes shapes symmetric left to right and prefers solid ones; the paper's does not.",
+            "This project's recipe makes shapes symmetric left to right and prefers solid ones and, where views are "
+            "predicted since 26 November 2026, rectangular plans and shapes that differ; the paper's does not.",
             *((INITIAL_VIEWS_REASON,) if data_set in WITH_INITIAL_VIEWS else ()),
             NARROW,
         ),

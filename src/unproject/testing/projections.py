@@ -1,4 +1,4 @@
-"""The laws of projections: pure, batched, finite, differentiable; superposition and adjoint for linear ones."""
+"""The laws of projections: pure, batched, finite, differentiable, in latents too; linear: superposition, adjoint."""
 
 from __future__ import annotations
 
