@@ -178,9 +178,7 @@ def test_gradients_by_latents_know_of_the_frame(name: str, camera: dict[str, flo
 def test_all_laws_hold_but_that_of_the_gradient(rule: str, prior: Product) -> None:
     """Where the object is in the picture is a constant for gradients in x, and in a level view in the azimuth."""
     look = Cropped(Silhouette(size=6, rule=rule), 0.5)  # type: ignore[arg-type]
-    few = (
-        torch.rand(2, 5, 5, 5, generator=generator_at(0)) ** 3
-    )  # where gradcheck fails it is slow
+    few = torch.rand(2, 5, 5, 5, generator=generator_at(0)) ** 3  # where gradcheck fails it is slow
     results = apply_laws(PROJECTION_LAWS, projection_case(Observation("cropped", look, prior), few, 0))
     assert {result.name for result in results if not result.passed} <= {"differentiable"} | (
         {"latents"} if prior is LEVEL else set()

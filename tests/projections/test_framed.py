@@ -23,9 +23,7 @@ def test_all_laws_hold_but_that_of_the_gradient(rule: str) -> None:
     """Where the object is in the picture is a constant for gradients."""
     prior = up.Product(up.Uniform("azimuth", 0, 6.28), up.Uniform("elevation", -0.5, 0.5))
     part = up.Observation("look", FramedSilhouette(Silhouette(size=6, rule=rule)), prior)  # type: ignore[arg-type]
-    few = (
-        torch.rand(2, 5, 5, 5, generator=generator_at(0)) ** 3
-    )  # where gradcheck fails it is slow
+    few = torch.rand(2, 5, 5, 5, generator=generator_at(0)) ** 3  # where gradcheck fails it is slow
     results = apply_laws(PROJECTION_LAWS, projection_case(part, few, 0))
     assert {result.name for result in results if not result.passed} <= {"differentiable", "latents"}
 
