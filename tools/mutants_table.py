@@ -553,9 +553,30 @@ LIGHT_AND_MAPS = (
     mutant(
         "textures: a coloured specular map is taken for linear",
         "data/readers/texture_maps.py",
-        '_colour(file, picture, "srgb") if tinted',
-        '_colour(file, picture, "linear") if tinted',
+        '_colour(file, picture, "srgb") if as_it_is',
+        '_colour(file, picture, "linear") if as_it_is',
         "data/readers/test_textures.py::test_a_coloured_specular_map_is_the_reflectance_itself",
+    ),
+    mutant(
+        "textures: glossiness is taken for roughness",
+        "data/readers/texture_maps.py",
+        '1 - grey["glossiness"] if',
+        'grey["glossiness"] if',
+        "data/readers/test_textures.py::test_specular_and_glossiness",
+    ),
+    mutant(
+        "textures: specular maps beside glossiness scale 0.08",
+        "data/readers/texture_maps.py",
+        "as_it_is = itself or (tinted",
+        "as_it_is = (tinted",
+        "data/readers/test_textures.py::test_specular_and_glossiness",
+    ),
+    mutant(
+        "textures: glossiness beside roughness is a second map of it",
+        "data/readers/texture_names.py",
+        'wanted -= {"glossiness"} if wanted & {"roughness", "packed"} else set()',
+        "pass",
+        "data/readers/test_textures.py::test_roughness_goes_before_glossiness",
     ),
     mutant(
         "textures: the colour of metals is lost",

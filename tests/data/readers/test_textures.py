@@ -156,6 +156,28 @@ def test_a_specular_map_scales_the_dielectrics_reflectance(tmp_path: Path) -> No
     assert maps_of(material(tmp_path, specular=255, metallic=255))["specular"].mean().item() == pytest.approx(LINEAR)
 
 
+@pytest.mark.parametrize("name", ["specular", "Wood_REFL"])
+def test_specular_and_glossiness(tmp_path: Path, name: str) -> None:
+    """r = 1 - g, and F0 = s in sRGB, coloured or grey, unless a metallic map says that the convention is another."""
+    folder = material(tmp_path, roughness=None, GLOSS=51, **{name: (255, GREY, 0)})
+    maps = maps_of(folder, specular="colour")
+    assert maps["roughness"].mean().item() == pytest.approx(0.64)
+    assert maps["specular"][:, 0, 0].tolist() == pytest.approx([1, LINEAR, 0], abs=1e-6)
+    assert maps_of(folder)["specular"].mean().item() == pytest.approx(0.2126 + 0.7152 * LINEAR, abs=1e-6)
+    assert maps["diffuse"].mean().item() == pytest.approx(LINEAR)
+    grey = material(tmp_path / "grey", roughness=None, gloss=51, **{name: GREY})
+    assert maps_of(grey)["specular"].mean().item() == pytest.approx(LINEAR, abs=1e-6)
+    both = maps_of(material(tmp_path / "both", roughness=None, gloss=51, metallic=0, **{name: 255}))
+    assert both["specular"].mean().item() == pytest.approx(0.08)
+
+
+def test_roughness_goes_before_glossiness(tmp_path: Path) -> None:
+    """And without glossiness nobody knows what a reflection map means."""
+    plain = maps_of(material(tmp_path / "plain"))
+    maps = maps_of(material(tmp_path, gloss=255, gloss_2=0, reflection=255))
+    assert all(torch.equal(value, plain[name]) for name, value in maps.items())
+
+
 def test_packed_maps_are_occlusion_roughness_metallic(tmp_path: Path) -> None:
     folder = material(tmp_path, roughness=None, wood_arm_1k=(10, 102, 255))
     maps = maps_of(folder)

@@ -74,14 +74,16 @@ def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Con
     flat = torch.zeros_like(colour[:1])
     reflected, tinted = flat + DIELECTRIC, convention.specular == "colour"
     if "specular" in pictures:
-        reflected = _reflectance(textures.files["specular"], pictures["specular"], tinted)
+        itself = {"glossiness", "metallic"} & pictures.keys() == {"glossiness"}
+        reflected = _reflectance(textures.files["specular"], pictures["specular"], tinted, itself)
     grey = {role: _grey(textures.files[role], p) for role, p in pictures.items() if role in GREY}
     if "packed" in pictures:
         _, rough, metallic = _channels(textures.files["packed"], pictures["packed"])
         grey = {"roughness": rough[None], "metallic": metallic[None], **grey}
     metallic = grey.get("metallic", flat)
     f0 = torch.lerp(reflected, colour, metallic)
-    rough = grey["roughness"] ** 2 if convention.roughness == "perceptual" else grey["roughness"]
+    rough = 1 - grey["glossiness"] if "glossiness" in grey else grey["roughness"]
+    rough = rough**2 if convention.roughness == "perceptual" else rough
     maps = {
         "diffuse": colour * (1 - metallic),
         "specular": f0 if tinted else luminance(f0),
@@ -91,7 +93,7 @@ def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Con
     return {name: value[None] for name, value in maps.items()}
 
 
-GREY = ("roughness", "metallic")
+GREY = ("roughness", "glossiness", "metallic")
 
 
 def _unit(file: Path, picture: Picture) -> Tensor:
@@ -108,9 +110,13 @@ def _channels(file: Path, picture: Picture) -> Tensor:
     return _unit(file, picture)
 
 
-def _reflectance(file: Path, picture: Picture, tinted: bool) -> Tensor:
-    """F0 of a specular map: 0.08 s of a grey one s, a coloured one itself, in sRGB if stored as integers."""
-    return _colour(file, picture, "srgb") if tinted and _is_coloured(picture) else SPECULAR * _grey(file, picture)
+def _reflectance(file: Path, picture: Picture, tinted: bool, itself: bool) -> Tensor:
+    """F0 of a specular map: 0.08 s of a grey one s; a coloured one, or any if `itself`, as it is.
+
+    That is in sRGB if stored as integers.
+    """
+    as_it_is = itself or (tinted and _is_coloured(picture))
+    return _colour(file, picture, "srgb") if as_it_is else SPECULAR * _grey(file, picture)
 
 
 def _is_coloured(picture: Picture) -> bool:

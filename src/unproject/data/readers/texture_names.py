@@ -20,14 +20,17 @@ WORDS = {
     "colour": ("color", "colour", "albedo", "basecolor", "basecolour", "diffuse", "diff", "col"),
     "roughness": ("roughness", "rough"),
     "metallic": ("metallic", "metalness", "metal"),
+    "glossiness": ("glossiness", "gloss", "smoothness"),
     "specular": ("specular", "spec"),
+    "reflection": ("reflection", "refl"),
     "normal": ("normal", "normals", "nor", "norm", "nrm", "normalgl", "normaldx"),
     "height": ("height", "displacement", "disp", "bump"),
     "packed": ("arm", "orm"),
-    "unused": ("ao", "occlusion", "opacity", "mask", "emission", "emissive", "gloss", "glossiness", "preview", "thumb"),
+    "unused": ("ao", "occlusion", "opacity", "mask", "emission", "emissive", "preview", "thumb"),
 }
 ROLE_OF = {word: role for role, words in WORDS.items() for word in words}
 PACKED = ({"roughness", "metallic"}, {"roughness", "metalness"})  # side by side, as glTF packs them
+ROUGH = ("roughness", "packed", "glossiness")
 WEAK = ("metal", "rough")
 UP = ("gl", "opengl", "ogl", "normalgl")  # green up the picture
 DOWN = ("dx", "directx", "normaldx")  # green down
@@ -39,7 +42,7 @@ class Textures:
     """The files of a material.
 
     Attributes:
-        files: role → file, for colour, roughness or packed, and of the others those that are there.
+        files: role → file, for colour, roughness, glossiness or packed, and of the others those that are there.
         down: whether the normal map's green points down the picture (DirectX).
     """
 
@@ -91,7 +94,8 @@ def role_of(words: list[str], shared: int = 0) -> str | None:
 def find_textures(folder: Path, normal: str = "auto") -> Textures:
     """The files of a material's maps. `normal` "gl" or "dx" overrules what the normal map's name says.
 
-    A map of its own goes before the same one in a packed picture, and a normal map before a height map.
+    A map of its own goes before the same one in a packed picture, a normal map before a height map, and roughness
+    before glossiness.
 
     Raises:
         UserError: if there is no folder, no map, no colour or roughness, or two files for one map.
@@ -99,18 +103,21 @@ def find_textures(folder: Path, normal: str = "auto") -> Textures:
     if not folder.is_dir():
         raise UserError(f"{folder}: there is no such folder; check the path")
     found = candidates(folder)
-    if not set(found) & {"colour", "roughness", "packed"}:
+    if not set(found) & {"colour", *ROUGH}:
         raise UserError(f"{folder}: holds no texture maps; name pictures by one of these words: {LOOKED_FOR}")
     if "colour" not in found:
         raise UserError(f"{folder}: has no colour map; add a picture named {', '.join(WORDS['colour'])}")
-    if not set(found) & {"roughness", "packed"}:
+    if not set(found) & set(ROUGH):
         raise UserError(
-            f"{folder}: has no roughness map; add one named roughness, a grey picture (inverted if it is glossiness)"
+            f"{folder}: has no roughness map; add a grey picture named roughness, or glossiness if it is that"
         )
     found["normal"] = _preferred(found.get("normal", []), normal)
-    wanted = {role for role in WORDS if found.get(role)} - {"unused"}
+    if not set(found) & {"roughness", "packed"}:  # beside roughness there is no convention of reflection maps
+        found.setdefault("specular", found.get("reflection", []))
+    wanted = {role for role in WORDS if found.get(role)} - {"unused", "reflection"}
     wanted -= {"height"} if found["normal"] else set()
     wanted -= {"packed"} if {"roughness", "metallic"} <= wanted else set()
+    wanted -= {"glossiness"} if wanted & {"roughness", "packed"} else set()
     files = {role: _only(folder, role, found[role]) for role in WORDS if role in wanted}
     down = normal == "dx" or (normal == "auto" and "normal" in files and _says(files["normal"], DOWN))
     return Textures(files, down)

@@ -5,11 +5,12 @@ A texture set in the metallic-roughness convention (base colour b, metallic w, r
 
     F0 = (1 - w) 0.04 + w b       0.08 s in place of 0.04 where there is a specular map s
     k_d = (1 - w) b,   k_s = 0.2126 F0_r + 0.7152 F0_g + 0.0722 F0_b,   or F0 itself with specular="colour"
-    m = r², at least 0.001        m = r with roughness="alpha"
+    m = r², at least 0.001        m = r with roughness="alpha"; r = 1 - g where there is glossiness g alone
     n = 2 v - 1, renormalised     y turned over if the map has it pointing down ("DX"); w is 0 without a map
 
-With specular="colour" a specular map that is coloured is itself in the place of 0.04. Without a normal map, n comes
-from the height map if there is one, else the surface is flat.
+With specular="colour" a specular map that is coloured is itself in the place of 0.04. In the specular-glossiness
+convention (glossiness, neither roughness nor metallic) a specular map always is. Without a normal map, n comes from the
+height map if there is one, else the surface is flat.
 
 `texture_names.py` says which file is which map.
 """
@@ -51,9 +52,11 @@ def read_material(
     A folder that `unproject export` wrote says in its material.json what its pictures mean, and is read by that.
 
     Args:
-        folder: holds a colour map and a roughness or a packed one (red occlusion, green roughness, blue metallic).
+        folder: holds a colour map and a roughness, a glossiness or a packed one (red occlusion, green roughness, blue
+            metallic).
         size: side of the result, area averages of the largest centred square; default: as stored.
-        roughness: what the map holds: "perceptual" r with m = r² (glTF, ambientCG, Poly Haven) or "alpha" m itself.
+        roughness: what the map holds, or 1 - glossiness: "perceptual" r with m = r² (glTF, ambientCG, Poly Haven) or
+            "alpha" m itself.
         normal: "gl" has green up and "dx" down; "auto" goes by the name, OpenGL where it says nothing.
         colour: how integer pixels of the colour map are encoded; floats are linear always.
         specular: "colour" keeps the colour of metals, in three channels of the specular albedo; "luminance" has one.
