@@ -560,15 +560,15 @@ LIGHT_AND_MAPS = (
     mutant(
         "textures: glossiness is taken for roughness",
         "data/readers/texture_maps.py",
-        '1 - grey["glossiness"] if',
-        'grey["glossiness"] if',
+        'else 1 - grey["glossiness"]',
+        'else grey["glossiness"]',
         "data/readers/test_textures.py::test_specular_and_glossiness",
     ),
     mutant(
         "textures: specular maps beside glossiness scale 0.08",
         "data/readers/texture_maps.py",
-        "as_it_is = itself or (tinted",
-        "as_it_is = (tinted",
+        "as_it_is = itself or ",
+        "as_it_is = ",
         "data/readers/test_textures.py::test_specular_and_glossiness",
     ),
     mutant(

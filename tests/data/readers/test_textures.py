@@ -142,11 +142,10 @@ def test_metal_keeps_its_colour_if_asked_to(tmp_path: Path) -> None:
 
 
 def test_a_coloured_specular_map_is_the_reflectance_itself(tmp_path: Path) -> None:
-    """In sRGB, as specular maps of the specular-glossiness convention are; a grey one scales 0.08 as before."""
+    """In sRGB, as specular maps of the specular-glossiness convention are; a grey one scales 0.08."""
     maps = maps_of(material(tmp_path, specular=(255, GREY, 0)), specular="colour")
     assert maps["specular"][:, 0, 0].tolist() == pytest.approx([1, LINEAR, 0], abs=1e-6)
-    with pytest.raises(UserError, match="specular.png: is coloured where a grey map is meant"):
-        maps_of(tmp_path)
+    assert maps_of(tmp_path)["specular"].mean().item() == pytest.approx(0.2126 + 0.7152 * LINEAR, abs=1e-6)
     grey = maps_of(material(tmp_path / "grey", specular=255), specular="colour")
     assert grey["specular"].flatten(1).T.tolist() == [pytest.approx([0.08] * 3)] * SIZE**2
 
@@ -169,6 +168,27 @@ def test_specular_and_glossiness(tmp_path: Path, name: str) -> None:
     assert maps_of(grey)["specular"].mean().item() == pytest.approx(LINEAR, abs=1e-6)
     both = maps_of(material(tmp_path / "both", roughness=None, gloss=51, metallic=0, **{name: 255}))
     assert both["specular"].mean().item() == pytest.approx(0.08)
+
+
+def test_glossiness_in_alpha(tmp_path: Path) -> None:
+    """As Unity and glTF pack it; roughness of its own goes first, and a picture without alpha is refused."""
+    metal = maps_of(material(tmp_path / "a", roughness=None, w_MetallicSmoothness=(255, 255, 255, 51)))
+    assert metal["roughness"].mean().item() == pytest.approx(0.64) and metal["diffuse"].max() == 0
+    assert metal["specular"].mean().item() == pytest.approx(LINEAR, abs=1e-6)
+    shiny = maps_of(material(tmp_path / "b", roughness=None, w_specularGlossiness=(255, GREY, 0, 51)))
+    assert shiny["roughness"].mean().item() == pytest.approx(0.64)
+    assert shiny["specular"].mean().item() == pytest.approx(0.2126 + 0.7152 * LINEAR, abs=1e-6)
+    own = maps_of(material(tmp_path / "c", roughness=255, w_MetallicSmoothness=(0, 0, 0, 51)))
+    assert own["roughness"].min() == 1 and own["specular"].mean().item() == pytest.approx(0.04)
+    with pytest.raises(UserError, match="MetallicSmoothness.png: has no alpha, which holds the glossiness"):
+        maps_of(material(tmp_path / "d", roughness=None, w_MetallicSmoothness=(255, 255, 255)))
+
+
+def test_gloss_in_a_materials_name_is_no_map(tmp_path: Path) -> None:
+    for name in ("HighGloss_basecolor", "HighGloss_normal", "HighGloss_render"):
+        paint(tmp_path / f"{name}.png", FLAT)
+    with pytest.raises(UserError, match="no roughness map"):
+        maps_of(tmp_path)
 
 
 def test_roughness_goes_before_glossiness(tmp_path: Path) -> None:

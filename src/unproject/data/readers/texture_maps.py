@@ -45,7 +45,7 @@ class Convention:
 
 
 def pictures_of(textures: Textures) -> dict[str, Picture]:
-    """Role → picture, with 1 or 3 channels: alpha dropped."""
+    """Role → picture, with 1 or 3 channels: alpha dropped, but where it is the glossiness."""
     pictures = {}
     for role, file in textures.files.items():
         pixels, stored = read_stored(file)
@@ -53,7 +53,12 @@ def pictures_of(textures: Textures) -> dict[str, Picture]:
             raise UserError(f"{file}: has values that are NaN or infinite; replace them")
         if pixels.shape[2] > 4:
             raise UserError(f"{file}: has {pixels.shape[2]} channels; save the {role} map alone, grey or RGB")
-        pictures[role] = Picture(pixels[..., : 3 if pixels.shape[2] > 2 else 1], stored)
+        if role.endswith("_glossiness"):
+            if pixels.shape[2] not in (2, 4):
+                raise UserError(f"{file}: has no alpha, which holds the glossiness by its name; save it with alpha")
+            pictures.setdefault("glossiness", Picture(pixels[..., -1:], stored))
+            role = role.removesuffix("_glossiness")
+        pictures.setdefault(role, Picture(pixels[..., : 3 if pixels.shape[2] > 2 else 1], stored))
     return pictures
 
 
@@ -74,15 +79,15 @@ def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Con
     flat = torch.zeros_like(colour[:1])
     reflected, tinted = flat + DIELECTRIC, convention.specular == "colour"
     if "specular" in pictures:
-        itself = {"glossiness", "metallic"} & pictures.keys() == {"glossiness"}
-        reflected = _reflectance(textures.files["specular"], pictures["specular"], tinted, itself)
-    grey = {role: _grey(textures.files[role], p) for role, p in pictures.items() if role in GREY}
+        itself = {"roughness", "packed", "metallic"}.isdisjoint(pictures)
+        reflected = _reflectance(textures.file_of("specular"), pictures["specular"], itself)
+    grey = {role: _grey(textures.file_of(role), p) for role, p in pictures.items() if role in GREY}
     if "packed" in pictures:
         _, rough, metallic = _channels(textures.files["packed"], pictures["packed"])
         grey = {"roughness": rough[None], "metallic": metallic[None], **grey}
     metallic = grey.get("metallic", flat)
     f0 = torch.lerp(reflected, colour, metallic)
-    rough = 1 - grey["glossiness"] if "glossiness" in grey else grey["roughness"]
+    rough = grey["roughness"] if "roughness" in grey else 1 - grey["glossiness"]
     rough = rough**2 if convention.roughness == "perceptual" else rough
     maps = {
         "diffuse": colour * (1 - metallic),
@@ -110,12 +115,12 @@ def _channels(file: Path, picture: Picture) -> Tensor:
     return _unit(file, picture)
 
 
-def _reflectance(file: Path, picture: Picture, tinted: bool, itself: bool) -> Tensor:
+def _reflectance(file: Path, picture: Picture, itself: bool) -> Tensor:
     """F0 of a specular map: 0.08 s of a grey one s; a coloured one, or any if `itself`, as it is.
 
     That is in sRGB if stored as integers.
     """
-    as_it_is = itself or (tinted and _is_coloured(picture))
+    as_it_is = itself or _is_coloured(picture)
     return _colour(file, picture, "srgb") if as_it_is else SPECULAR * _grey(file, picture)
 
 

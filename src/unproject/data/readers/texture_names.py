@@ -30,8 +30,10 @@ WORDS = {
 }
 ROLE_OF = {word: role for role, words in WORDS.items() for word in words}
 PACKED = ({"roughness", "metallic"}, {"roughness", "metalness"})  # side by side, as glTF packs them
-ROUGH = ("roughness", "packed", "glossiness")
-WEAK = ("metal", "rough")
+WITH_ALPHA = ("metallic", "specular")
+"""Maps whose alpha may be the glossiness, as in MetallicSmoothness (Unity) and specularGlossiness (glTF)."""
+ROUGH = ("roughness", "packed", "glossiness", *(f"{role}_glossiness" for role in WITH_ALPHA))
+WEAK = ("metal", "rough", "gloss", "refl")
 UP = ("gl", "opengl", "ogl", "normalgl")  # green up the picture
 DOWN = ("dx", "directx", "normaldx")  # green down
 LOOKED_FOR = "; ".join(f"{role}: {', '.join(words)}" for role, words in WORDS.items() if role != "unused")
@@ -48,6 +50,11 @@ class Textures:
 
     files: dict[str, Path]
     down: bool = False
+
+    def file_of(self, role: str) -> Path:
+        """The file that has this map, be it in its colours or in its alpha."""
+        packed = {f"{first}_glossiness": {first, "glossiness"} for first in WITH_ALPHA}
+        return self.files.get(role) or next(f for name, f in self.files.items() if role in packed.get(name, ()))
 
 
 def words_of(name: str) -> list[str]:
@@ -87,6 +94,9 @@ def role_of(words: list[str], shared: int = 0) -> str | None:
     """The map that words name, the first `shared` of which are the material's."""
     if any(set(pair) in PACKED for pair in zip(words[shared:], words[shared + 1 :])):
         return "packed"
+    for first, second in zip(words[shared:], words[shared + 1 :]):
+        if ROLE_OF.get(second) == "glossiness" and ROLE_OF.get(first) in WITH_ALPHA and first not in WEAK:
+            return f"{ROLE_OF[first]}_glossiness"
     named = [ROLE_OF[w] for i, w in enumerate(words) if w in ROLE_OF and (w not in WEAK or i >= shared)]
     return named[-1] if named else None
 
@@ -112,13 +122,13 @@ def find_textures(folder: Path, normal: str = "auto") -> Textures:
             f"{folder}: has no roughness map; add a grey picture named roughness, or glossiness if it is that"
         )
     found["normal"] = _preferred(found.get("normal", []), normal)
-    if not set(found) & {"roughness", "packed"}:  # beside roughness there is no convention of reflection maps
-        found.setdefault("specular", found.get("reflection", []))
-    wanted = {role for role in WORDS if found.get(role)} - {"unused", "reflection"}
+    if not set(found) & {"roughness", "packed"} and "specular" not in found:
+        found["specular"] = found.get("reflection", [])  # beside roughness it has no convention
+    wanted = {role for role, files in found.items() if files} - {"unused", "reflection"}
     wanted -= {"height"} if found["normal"] else set()
     wanted -= {"packed"} if {"roughness", "metallic"} <= wanted else set()
     wanted -= {"glossiness"} if wanted & {"roughness", "packed"} else set()
-    files = {role: _only(folder, role, found[role]) for role in WORDS if role in wanted}
+    files = {role: _only(folder, role, found[role]) for role in (*WORDS, *ROUGH) if role in wanted}
     down = normal == "dx" or (normal == "auto" and "normal" in files and _says(files["normal"], DOWN))
     return Textures(files, down)
 

@@ -8,9 +8,9 @@ A texture set in the metallic-roughness convention (base colour b, metallic w, r
     m = r², at least 0.001        m = r with roughness="alpha"; r = 1 - g where there is glossiness g alone
     n = 2 v - 1, renormalised     y turned over if the map has it pointing down ("DX"); w is 0 without a map
 
-With specular="colour" a specular map that is coloured is itself in the place of 0.04. In the specular-glossiness
-convention (glossiness, neither roughness nor metallic) a specular map always is. Without a normal map, n comes from the
-height map if there is one, else the surface is flat.
+A specular map that is coloured is itself in the place of 0.04. In the specular-glossiness convention (glossiness,
+neither roughness nor metallic) a grey one is, too. Glossiness may be the alpha of a metallic or specular map. Without a
+normal map, n comes from the height map if there is one, else the surface is flat.
 
 `texture_names.py` says which file is which map.
 """
