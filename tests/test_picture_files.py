@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unproject._pictures import _silenced, read_stored, write_picture
+from unproject._pictures import _silenced, read_displayed, read_stored, write_picture
 from unproject._types import UserError
 
 PIXELS = np.random.default_rng(0).random((33, 20, 3)).astype(np.float32)
@@ -38,6 +38,25 @@ def test_pictures_are_turned_as_their_camera_says(tmp_path: Path, suffix: str, o
     pixels = read_stored(tmp_path / f"a.{suffix}").pixels
     assert pixels.shape == upright.shape
     assert np.abs(pixels - upright).max() < 0.02
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB", "RGBA", "P", "I;16"])
+@pytest.mark.parametrize("orientation", [5, 6, 7, 8])
+def test_a_turned_tiff_is_displayed_upright(tmp_path: Path, mode: str, orientation: int) -> None:
+    """Which Pillow maps into memory at the size that it has when it is turned."""
+    from PIL import Image, ImageOps
+
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    picture = Image.fromarray(np.add.outer(np.arange(12) * 9, np.arange(20) * 5).astype(np.uint8)).convert(mode)
+    picture.save(tmp_path / "a.tif", exif=exif)
+    picture.save(tmp_path / "a.png", exif=exif)
+    with Image.open(tmp_path / "a.png") as stored:
+        upright = np.asarray(ImageOps.exif_transpose(stored.convert("I" if mode == "I;16" else "RGB")))
+    found = read_displayed(tmp_path / "a.tif")
+    assert found.shape[:2] == (20, 12) == upright.shape[:2]
+    whole = 1 if mode != "I;16" else 65535
+    assert np.abs(found[..., 0] * whole - upright.reshape(20, 12, -1)[..., 0]).max() < 1
 
 
 def test_one_channel(tmp_path: Path) -> None:

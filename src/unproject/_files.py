@@ -149,6 +149,8 @@ def filled_folder(final: Path) -> Iterator[Path]:
     try:
         yield staging
         if exists:
+            if blocked := next((f for f in files_below(staging) if (final / f).is_dir()), None):
+                raise UserError(f"{final / blocked}: is a folder where a file is to be written; remove it")
             for file in files_below(staging):
                 (final / file).parent.mkdir(parents=True, exist_ok=True)
                 os.replace(staging / file, final / file)

@@ -187,7 +187,8 @@ def read_displayed(file: Path) -> np.ndarray:
         with _silenced(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(file) as picture:
+            # From a stream: what Pillow maps into memory it takes for as wide as it is high if Exif turns it.
+            with file.open("rb") as stream, Image.open(stream) as picture:
                 check_sides(*picture.size)
                 return _displayed(picture)
     except UnusablePicture:

@@ -110,3 +110,11 @@ def test_what_all_real_images_share_counts_as_much_as_the_rest() -> None:
             losses[alike, colour] = loss.item()
     assert losses[None, 0.02] > 100
     assert losses[1e-5, 0.0] + 0.1 < losses[1e-5, 0.02] < 3
+    real = grey(200, 0)
+    assert Matching(alike=1e-5).begin(real)(real) < 0.01  # real pictures are the best ones
+
+
+@pytest.mark.parametrize("alike", [0.0, -1.0, math.nan, math.inf])
+def test_what_is_alike_deviates_by_a_number(alike: float) -> None:
+    with pytest.raises(UserError, match="alike is a positive deviation"):
+        Matching(alike=alike)

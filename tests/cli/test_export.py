@@ -12,6 +12,7 @@ import pytest
 from unproject import export
 from unproject.cli import main
 from unproject.cli.export import run
+from unproject.data import wood
 from unproject.domains import Images, Maps, Volumes
 
 
@@ -42,6 +43,26 @@ def test_maps_are_written_as_each_format_of_materials(tmp_path, capsys, to):
     assert main(["export", str(tmp_path / "maps.npz"), "--to", to, "--hull", "--out", str(tmp_path / "no")]) == 2
     wanted = {"maps": "basecolor.png", "mtlx": "material.mtlx", "gltf": "*.glb"}[to]
     assert list((tmp_path / "out").rglob(wanted))
+
+
+@pytest.mark.parametrize("meant", ["eta", "albedo"])
+def test_arrays_keep_what_their_specular_map_means(tmp_path, capsys, meant):
+    np.savez(tmp_path / "a.npz", **Maps(fresnel=meant).arrays(wood(2, 16)))
+    assert main(["export", str(tmp_path / "a.npz"), "--to", "npz", "--out", str(tmp_path / "b.npz")]) == 0
+    with np.load(tmp_path / "b.npz") as arrays:
+        assert str(arrays["fresnel"]) == meant
+
+
+def test_a_folder_in_the_way_is_met_before_anything_is_written(tmp_path, capsys):
+    np.savez(tmp_path / "a.npz", **Maps().arrays(wood(1, 16)))
+    words = ["export", str(tmp_path / "a.npz"), "--to", "maps", "--out", str(tmp_path / "out")]
+    assert main(words) == 0
+    (tmp_path / "out" / "normal.png").unlink()
+    (tmp_path / "out" / "normal.png").mkdir()
+    before = {file: file.stat().st_mtime_ns for file in (tmp_path / "out").iterdir()}
+    assert main(words) == 2
+    assert "normal.png: is a folder where a file is to be written" in capsys.readouterr().err
+    assert {file: file.stat().st_mtime_ns for file in (tmp_path / "out").iterdir()} == before
 
 
 @pytest.mark.parametrize("to", export.FORMATS)

@@ -14,7 +14,7 @@ from unproject._types import UserError
 from unproject.cli import main
 from unproject.cli.data import run
 from unproject.data import OBSERVATIONS, holds_materials, inspect_materials, wood
-from unproject.data.material_inspection import ENLARGED
+from unproject.data.readers.patches import side_to_cut_from
 from unproject.export.pictures import _CAPTION
 from unproject.ops.maps import unpack_maps
 from unproject.recipes import material_panels
@@ -193,6 +193,36 @@ def test_an_archive_of_maps_of_the_recipes_size_is_taken_as_it_is(tmp_path: Path
         assert sheet.size == (5 * CELL, 2 * (CELL + _CAPTION))
 
 
+def test_names_that_are_not_distinct_and_maps_that_are_not_square(tmp_path: Path) -> None:
+    """Each has a row of its own; square patches are cut out of what is not square, in training too."""
+    maps = {name: value[..., :48, :].numpy() for name, value in unpack_maps(wood(3, 64)).items()}
+    np.savez(tmp_path / "a.npz", names=np.array(["a", "a", "b"]), **maps)  # pyright: ignore[reportArgumentType]
+    run("inspect", tmp_path / "a.npz", for_="wood", out=tmp_path / "sheet.png")
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.height == 3 * (CELL + _CAPTION)
+    assert inspect_materials(tmp_path / "a.npz", 32).collections["patches"].shape == (8, 32, 32)
+    found = inspect_materials(tmp_path / "a.npz", 64)
+    assert found.collections["patches"].shape == (8, 64, 64) and "3 of 64 x 48 texels" in found.notes[0]
+    drawn = material_panels.source_of(wood, tmp_path / "a.npz", 64, 0)
+    assert drawn(material_panels.observation_of("diffuse", None, 1), 2).shape == (2, 3, 64, 64)
+
+
+def test_large_patches_are_few(tmp_path: Path) -> None:
+    archive(tmp_path / "a.npz")
+    assert len(inspect_materials(tmp_path / "a.npz", 2048).collections["patches"]) == 4
+
+
+def test_texture_sets_are_read_at_most_at_the_largest_size(tmp_path: Path) -> None:
+    assert (side_to_cut_from(64), side_to_cut_from(2048)) == (256, 4096)
+
+
+def test_photographs_of_a_telephone_are_explained(tmp_path: Path, capsys) -> None:
+    (tmp_path / "flash").mkdir()
+    (tmp_path / "flash" / "a.heic").write_bytes(b"heic")
+    assert holds_materials(tmp_path)
+    assert main(["data", "inspect", str(tmp_path)]) == 2
+    assert "save" in capsys.readouterr().err
+
+
 def test_the_recipes_read_what_is_shown() -> None:
     assert set(OBSERVATIONS) == {*material_panels.MAPS, *material_panels.VIEWED_FROM}
-    assert ENLARGED == material_panels.ENLARGED

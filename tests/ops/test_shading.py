@@ -183,6 +183,20 @@ def test_differences_are_the_fixed_gradient(length: float) -> None:
     torch.testing.assert_close(found[1], found[0], rtol=1e-3, atol=1e-3 * found[0].abs().mean().item())
 
 
+def test_differences_of_tilted_normals_are_no_larger_than_the_fixed_gradient() -> None:
+    """Samples just below the horizon have no density: lifted above it they must not weigh 1 / 0."""
+    rng = generator_at(3)
+    x = torch.rand(1, 8, 16, 16, generator=rng, dtype=torch.float64)
+    x[:, 5:] = torch.nn.functional.normalize(x[:, 5:] - torch.tensor([0.5, 0.5, 0.0]).view(1, 3, 1, 1), dim=1)
+    largest = {}
+    for gradient in ("fixed", "differences"):
+        leaf = x.clone().requires_grad_()
+        shade(leaf, camera(1, 16), Ambient(), Reflection(), Sampling(16, gradient=gradient), jitter(1)).sum().backward()  # pyright: ignore[reportArgumentType]
+        assert leaf.grad is not None
+        largest[gradient] = leaf.grad[:, 5:].abs().max().item()
+    assert largest["differences"] == pytest.approx(largest["fixed"], rel=0.2)
+
+
 @GRADIENTS
 @pytest.mark.parametrize("native", [False, True])
 def test_nothing_is_ever_nan(gradient: str, native: bool) -> None:

@@ -58,6 +58,8 @@ class Matching:
     alike: float | None = field(default=None, metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
+        if self.alike is not None and not 0 < self.alike < math.inf:
+            raise UserError(f"{self}: alike is a positive deviation, or left out")
         if not (0 < self.weight < math.inf and 0 <= self.final < math.inf and 0 < self.memory <= 1 and self.every >= 1):
             raise UserError(f"{self}: give a positive weight, a memory above 0 and at most 1, and every 1 or more")
 
@@ -78,12 +80,14 @@ class MatchingState(nn.Module):
 
     Attributes:
         centre, unit: mean and deviation of each statistic of the real images.
+        spread: the deviation in that unit: 1, but where they are alike.
         first, second: moving means of the statistics of generated ones and of their squares.
         seen: updates so far.
     """
 
     centre: Tensor
     unit: Tensor
+    spread: Tensor
     first: Tensor
     second: Tensor
     seen: Tensor
@@ -97,6 +101,7 @@ class MatchingState(nn.Module):
         deviation = found.std(0, correction=min(1, len(found) - 1))
         alike = deviation < (settings.alike or 0.0)
         self.register_buffer("unit", deviation.clamp_min(LEAST).masked_fill(alike, 1.0))
+        self.register_buffer("spread", torch.where(alike, deviation, 1.0), persistent=False)
         self.register_buffer("first", torch.zeros_like(self.centre))
         self.register_buffer("second", torch.zeros_like(self.centre))
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))
@@ -138,7 +143,7 @@ class MatchingState(nn.Module):
         # The values are those of the moving means, the gradients those of the present batch.
         first, second = torch.stack([self.first, self.second]) + (now - now.detach())
         deviation = (second - first.square()).clamp_min(1e-6).sqrt()
-        return (_length(first) + _length(deviation - 1)).mean()
+        return (_length(first) + _length(deviation - self.spread)).mean()
 
 
 def _length(z: Tensor) -> Tensor:

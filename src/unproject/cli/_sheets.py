@@ -80,7 +80,9 @@ def _sheet_of_materials(collection: Collection, out: Path) -> None:
     for row in rows.tolist():
         maps = collection.batch([row])
         pictures = [_displayed(name, part) for name, part in unpack_maps(maps).items()]
-        caption = f"{collection.names[row]}: diffuse, specular, roughness, normal; lit by a lamp"
+        name = collection.names[row]
+        same = f" (row {row})" if collection.names.count(name) > 1 else ""
+        caption = f"{name}{same}: diffuse, specular, roughness, normal; lit by a lamp"
         groups[caption] = torch.cat([*pictures, under_a_lamp(maps)])
     grouped_sheet(groups, out, columns=5)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -99,7 +101,8 @@ def _found(
     arrays = load_arrays(source) if source.suffix == ".npz" else {}
     if textures or "diffuse" in arrays:
         maps, fresnel, skipped = read_maps(source, size, coloured)
-        return Found(maps if n is None else maps[: _some(n)], BUILT_IN["maps"], fresnel, skipped)
+        domain = replace(BUILT_IN["maps"], fresnel=fresnel)
+        return Found(maps if n is None else maps[: _some(n)], domain, fresnel, skipped)
     if size is not None:
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
     domain = domain_of_arrays(arrays)
@@ -174,5 +177,6 @@ def _report(written: Written) -> None:
     for name, reason in written.skipped:
         print(printable(f"skipped {name}: {reason}"))
     first = written.paths[0]
-    several = f"{len(written.paths)} files in {first.parent}"
+    where = Path(os.path.commonpath([path.parent for path in written.paths]))
+    several = f"{len(written.paths)} files in {where}"
     print(f"wrote {first if len(written.paths) == 1 else several}")

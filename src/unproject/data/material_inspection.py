@@ -11,16 +11,16 @@ from ..ops.maps import MAPS
 from .collection import Collection
 from .inspection import Inspection, Row
 from .readers.found import check_size
-from .readers.lights import KINDS, photographed, picture_files, refuse_unsorted, showing, unsorted
-from .readers.patches import material_patches
+from .readers.lights import KINDS, SUFFIXES, UNREAD, photographed, picture_files, refuse_unsorted, showing, unsorted
+from .readers.patches import material_patches, side_to_cut_from
 from .readers.shapes import SUFFIXES as SHAPES
 from .readers.sides import size_of_picture
 from .readers.stored import StoredArrays
 from .readers.texture_names import find_textures, picture_names
 
-ENLARGED = 4
-"""Textures are read at this many times the size of the patches that are cut out of them."""
 PATCHES = 64
+FEWER_ABOVE = 512
+"""Patches of more pixels a side are fewer, for the same memory."""
 UNCLEAR = frozenset({"top", "normal", "lamp"})
 """Sub-folders that silhouettes may lie in too: views, and classes of objects."""
 MOST_MAPS = 32
@@ -40,9 +40,11 @@ def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> I
         found = {name: Collection.photographs(path, name, size, strict=strict) for name in names}
         return _of_photographs(path, found, size)
     refuse_unsorted(path)
-    whole = Collection.materials(path, None if path.suffix == ".npz" else ENLARGED * size, strict=strict)
-    cut = whole if whole.shape[-1] == size else Collection(material_patches(whole.items, PATCHES, size))
-    texels = " x ".join(map(str, whole.shape[1:]))
+    side = None if path.suffix.lower() == ".npz" else side_to_cut_from(size)
+    whole = Collection.materials(path, side, strict=strict)
+    count = max(1, min(PATCHES, PATCHES * FEWER_ABOVE**2 // size**2))
+    cut = whole if whole.shape[-2:] == (size, size) else Collection(material_patches(whole.items, count, size))
+    texels = pixels((whole.shape[-1], whole.shape[-2]))
     rows: list[Row] = [(name, "", "", reason) for name, reason in whole.skipped]
     rows += [(name, texels, "material", "used") for name in whole.names]
     notes = [f"materials: {len(whole)} of {texels} texels: diffuse, specular, roughness and normal maps"]
@@ -62,7 +64,8 @@ def _of_photographs(path: Path, found: Mapping[str, Collection], size: int) -> I
         sizes = {name: size_of_picture(path / name) for name in one.names}
         used += [(name, pixels(side), f"picture of {kind}", "used") for name, side in sizes.items()]
         what = f"photographs, lit by {KINDS[kind].light}" if kind in KINDS else "maps"
-        notes.append(f"{kind}: {len(one)} {what}; {_range([side for side in sizes.values() if side is not None])}")
+        known = [side for side in sizes.values() if side is not None]
+        notes.append(f"{kind}: {len(one)} {what}" + (f"; {_range(known)}" if known else ""))
     notes.append(f"of each the largest centred square is used, at {size} x {size} pixels")
     return Inspection(str(path), found, (*skipped, *used), (*notes, *showing([*found])))
 
@@ -88,7 +91,7 @@ def holds_materials(path: Path | str) -> bool:
         return _holds_maps(path)
     if not path.is_dir():
         return False
-    if any(picture_files(path / name) for name in photographed(path) if name not in UNCLEAR):
+    if any(picture_files(path / name, (*SUFFIXES, *UNREAD)) for name in photographed(path) if name not in UNCLEAR):
         return True
     below = [*paths_below(path)]
     if any(file.suffix.lower() in SHAPES for file in below):

@@ -293,4 +293,6 @@ def _weight(pixels: Pixels, i: Tensor, light_density: Tensor, diffuse: Tensor, p
     n_d = diffuse[..., None]
     lobe = lobe_density(i, pixels.camera.expand_as(i), pixels.m)
     density = n_d * cosine_density(i) + (plan.lobes - n_d) * lobe + plan.lights * light_density
-    return 1 / density.clamp(min=LEAST)
+    # Where density is 0, as of samples below the horizon, nothing is drawn: their weight must not be 1 / 0 either when
+    # differences of the normal lift them above it.
+    return torch.where(density > LEAST, 1 / density.clamp(min=LEAST), 0)

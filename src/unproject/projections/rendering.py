@@ -104,6 +104,8 @@ class Rendering(Projection):
                 factor = surface_exposure(lit) if self.metered else exposure(lit)
                 lit = lit * factor[:, None, None, None]
             object.__setattr__(self, "environments", prepare_environments(lit))
+        if self.metered not in (None, "surface"):
+            raise UserError(f"Rendering(metered={self.metered!r}): give 'surface' or None")
         if not self.distance > 0.5:
             raise UserError(f"Rendering(distance={self.distance:g}): give more than half a width, 4 for a photograph")
         if self.space not in ("texture", "image"):

@@ -26,6 +26,7 @@ from ..data import (
     refuse_unsorted,
     unsorted,
 )
+from ..data.readers.patches import side_to_cut_from
 from ..ops.maps import MAPS, places, with_specular
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
@@ -51,7 +52,6 @@ LAMPS = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), m
 """Angles of fixed lamps from the normal, and around it, in radians."""
 NATURAL_LIGHT = {"top", "grazing"}
 UNKNOWN_LIGHT = {*NATURAL_LIGHT, "daylight"}
-ENLARGED = 4  # texture sets are read at so many times the size of the patches that are cut out of them
 
 
 class Weights(NamedTuple):
@@ -98,7 +98,7 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int, co
             made = f"making {count} materials takes"
             require_memory_to_train(64 * count * size**2, made, "lower --size or --maps, or give --data")
             x = procedural(count, size, own)
-        elif found.shape[-1] == size:
+        elif found.shape[-2:] == (size, size):
             x = _first(found, count, own)
         else:
             x = material_patches(found, count, size, own)
@@ -124,7 +124,8 @@ def textures_of(data: Path, size: int, coloured: bool = False) -> Tensor:
         UserError: for photographs that say nothing of their light, or if there is no material.
     """
     refuse_unsorted(data)
-    side, how = None if data.suffix == ".npz" else ENLARGED * size, Convention(specular="colour") if coloured else None
+    side = None if data.suffix.lower() == ".npz" else side_to_cut_from(size)
+    how = Convention(specular="colour") if coloured else None
     found = Collection.materials(data, side, convention=how).warn_skipped().floats()
     return with_specular(found, 3 if coloured else 1)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import torch
+from PIL import Image
 
 import unproject as up
 from unproject import export
@@ -58,6 +59,8 @@ def spoiled(folder: Path, **changes: Any) -> None:
     "changes",
     [
         {"file": "../specular.png"},
+        {"file": ".."},
+        {"file": ""},
         {"file": 3},
         {"encoding": "gamma"},
         {"scale": "nan"},
@@ -78,16 +81,32 @@ def test_damaged_notes_are_one_line(changes: dict[str, Any], tmp_path: Path) -> 
 def test_pictures_of_other_sizes_or_channels_are_refused(tmp_path: Path) -> None:
     for name, maps in (("small", up.data.wood(1, 16, seed=1)), ("large", up.data.wood(1, 24, seed=1))):
         export.material_maps(maps, tmp_path / name)
-    for file, why in (("roughness.png", "differ in size"), ("normal.png", "has 3 channels")):
-        (tmp_path / "small" / "roughness.png").write_bytes((tmp_path / "large" / file).read_bytes())
-        with pytest.raises(UserError, match=why):
-            up.data.read_material(tmp_path / "small")
+    (tmp_path / "small" / "roughness.png").write_bytes((tmp_path / "large" / "roughness.png").read_bytes())
+    with pytest.raises(UserError, match="differ in size"):
+        up.data.read_material(tmp_path / "small")
+
+
+def test_pictures_that_another_program_saved_again_are_the_same(tmp_path: Path) -> None:
+    """With alpha, or a grey one in colours."""
+    up.export.material_maps(materials("one channel")[:1], tmp_path)
+    before = up.data.read_material(tmp_path)
+    for name, mode in (("basecolor", "RGBA"), ("roughness", "RGB"), ("specular", "LA")):
+        with Image.open(tmp_path / f"{name}.png") as picture:
+            picture.convert(mode).save(tmp_path / f"{name}.png")
+    assert torch.allclose(up.data.read_material(tmp_path), before, atol=1e-6)
+
+
+def test_the_steepest_normals_come_back_from_half_floats(tmp_path: Path) -> None:
+    x = materials("one channel")[:1]
+    x[:, -3:] = torch.tensor([(1 - 1e-4**2) ** 0.5, 0, 1e-4]).view(1, 3, 1, 1)
+    export.material_maps(x, tmp_path, depth="half")
+    assert (up.data.read_material(tmp_path)[-1] - 1e-4).abs().max() < 2e-3
 
 
 def test_the_note_of_another_program_says_nothing(tmp_path: Path) -> None:
     up.export.material_maps(materials("one channel")[:1], tmp_path)
     ours = up.data.read_material(tmp_path)
-    (tmp_path / "material.json").write_text('{"shader": "principled"}')
+    (tmp_path / "material.json").write_text('{"shader": "principled", "from": "unproject material"}')
     theirs = up.data.read_material(tmp_path)
     ratio = theirs[3].mean() / ours[3].mean()
     assert ratio == pytest.approx(0.08, rel=0.02)

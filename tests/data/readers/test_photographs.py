@@ -9,6 +9,7 @@ import pytest
 import torch
 from PIL import Image
 
+from unproject._pictures import write_picture
 from unproject._types import UserError
 from unproject.data import Collection
 
@@ -42,6 +43,13 @@ def test_a_specular_map_may_be_coloured(tmp_path: Path) -> None:
     for coloured, expected in ((False, [538 / 765]), (True, [1, 196 / 255, 87 / 255])):
         found = Collection.photographs(tmp_path, "specular", 16, coloured=coloured).items
         assert found[0, :, 3, 5].tolist() == pytest.approx(expected, abs=1e-5)
+
+
+def test_signed_normals_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "normal").mkdir()
+    write_picture(tmp_path / "normal" / "a.exr", np.full((32, 32, 3), (-0.5, 0, 0.8), np.float32), "float")
+    with pytest.raises(UserError, match="values run from -0.5; give normals as ½ \\+ ½ n"):
+        Collection.photographs(tmp_path, "normal", 16)
 
 
 def test_the_middle_square_is_taken(tmp_path: Path) -> None:

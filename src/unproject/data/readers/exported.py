@@ -20,6 +20,7 @@ from .texture_maps import SMOOTHEST
 
 NOTE, FORMAT = "material.json", "unproject material"
 FIX = f"export the material again, or remove {NOTE} to have its pictures read as any texture maps"
+ROUNDING = 1e-3
 CHANNELS = {"basecolor": (3,), "specular": (1, 3), "roughness": (1,), "normal": (3,)}
 
 
@@ -33,10 +34,13 @@ def exported_note(folder: Path) -> dict[str, Any] | None:
     if not file.is_file() or FORMAT not in file.read_text(encoding="utf-8", errors="replace"):
         return None
     content = read_json(file, FIX)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        return None
     with understood(file, FIX):
         maps = {name: content["maps"][name] for name in CHANNELS}
         for about in maps.values():
-            if Path(about["file"]).name != about["file"] or about["encoding"] not in ("sRGB", "linear"):
+            beside = about["file"] not in ("", "..") and Path(about["file"]).name == about["file"]
+            if not beside or about["encoding"] not in ("sRGB", "linear"):
                 raise ValueError(f"{about['file']!r} in {about['encoding']!r} is no picture beside it")
             if not 0 < float(about["scale"]) < math.inf:
                 raise ValueError(f"the scale {about['scale']!r} is no positive number")
@@ -55,15 +59,26 @@ def exported_maps(folder: Path, note: dict[str, Any], tinted: bool) -> dict[str,
         "diffuse": found["basecolor"],
         "specular": f0.expand(3, -1, -1) if tinted else luminance(f0) if len(f0) == 3 else f0,
         "roughness": (found["roughness"] ** 2).clamp(min=SMOOTHEST),
-        "normal": F.normalize(2 * found["normal"] - 1, dim=0),
+        "normal": _outward(2 * found["normal"] - 1),
     }
     return {name: values[None] for name, values in maps.items()}
+
+
+def _outward(normal: Tensor) -> Tensor:
+    """Unit normals: half floats round a least z to 0."""
+    x, y, z = normal
+    return F.normalize(torch.stack([x, y, torch.where(z > -ROUNDING, z.clamp(min=ROUNDING), z)]), dim=0)
 
 
 def _decoded(file: Path, about: dict[str, Any], channels: tuple[int, ...]) -> Tensor:
     """The quantity (C, H, W), linear: the picture without its encoding, times its scale."""
     pixels = read_stored(file).pixels
-    if pixels.shape[2] not in channels or not np.isfinite(pixels).all():
-        raise UserError(f"{file}: has {pixels.shape[2]} channels, or values that are no numbers; {FIX}")
+    pixels = pixels[..., : 3 if pixels.shape[2] > 2 else 1]  # without alpha, which other programs add
+    if not np.isfinite(pixels).all():
+        raise UserError(f"{file}: has values that are no numbers; {FIX}")
     values = torch.from_numpy(np.moveaxis(pixels, 2, 0).copy())
+    if channels == (1,):
+        values = values.mean(0, keepdim=True)
+    elif len(values) not in channels:
+        values = values.expand(3, -1, -1)
     return (linear_from_srgb(values) if about["encoding"] == "sRGB" else values) * float(about["scale"])

@@ -15,6 +15,12 @@ from torch import Tensor
 from ..._random import generator_at
 from ..._types import UserError
 from ...ops.maps import check_maps, places, unpack_maps
+from .found import LARGEST
+
+
+def side_to_cut_from(size: int) -> int:
+    """Return at how many pixels a side texture sets are read for patches to be cut out of them: 4 times as many."""
+    return min(4 * size, LARGEST)
 
 
 def material_patches(

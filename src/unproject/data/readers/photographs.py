@@ -20,6 +20,7 @@ from ...ops.maps import CHANNELS, COLOURED, places
 from .found import Found
 from .framing import centred_square
 from .lights import SAVE, UNREAD, picture_files
+from .texture_maps import OVERSHOOT
 
 SMOOTHEST = 1e-3
 
@@ -68,6 +69,8 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
+    if name == "normal" and pixels.min() < -OVERSHOOT:
+        raise UserError(f"{file}: values run from {pixels.min():.3g}; give normals as ½ + ½ n, flat being (½, ½, 1)")
     values = torch.from_numpy(np.moveaxis(pixels[..., : 3 if pixels.shape[2] >= 3 else 1], 2, 0).copy()).clamp(min=0)
     side = min(values.shape[1:])
     if side < size // 2:
