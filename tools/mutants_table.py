@@ -1679,8 +1679,8 @@ LAWS = (
     mutant(
         "exported: pictures may lie elsewhere",
         "data/readers/exported.py",
-        'Path(about["file"]).name != about["file"] or',
-        "False or",
+        ' and Path(about["file"]).name == about["file"]',
+        "",
         "data/readers/test_exported.py",
     ),
     mutant(
@@ -2281,9 +2281,51 @@ TRAINING = (
     mutant(
         "matching: deviations between images do not count",
         "adversarial/matching.py",
-        "(_length(first) + _length(deviation - 1)).mean()",
+        "(_length(first) + _length(deviation - self.spread)).mean()",
         "_length(first).mean()",
         f"{MATCHING}::test_images_that_are_all_alike_are_not_as_real_ones",
+    ),
+    mutant(
+        "matching: what is alike is to deviate by 1",
+        "adversarial/matching.py",
+        "torch.where(alike, deviation, 1.0)",
+        "torch.where(alike, 1.0, torch.ones_like(deviation))",
+        f"{MATCHING}::test_what_all_real_images_share_counts_as_much_as_the_rest",
+    ),
+    mutant(
+        "shading: samples without density weigh 1 / 0",
+        "ops/shading.py",
+        "torch.where(density > LEAST, 1 / density.clamp(min=LEAST), 0)",
+        "1 / density.clamp(min=LEAST)",
+        "ops/test_shading.py::test_differences_of_tilted_normals_are_no_larger_than_the_fixed_gradient",
+    ),
+    mutant(
+        "pictures: turned TIFFs are mapped into memory",
+        "_pictures.py",
+        'with file.open("rb") as stream, Image.open(stream) as picture:\n                check_sides',
+        "with Image.open(file) as picture:\n                check_sides",
+        "test_picture_files.py::test_a_turned_tiff_is_displayed_upright",
+    ),
+    mutant(
+        "export: a folder in the way is met after other files were replaced",
+        "_files.py",
+        "if (final / f).is_dir()), None",
+        "if False), None",
+        "cli/test_export.py::test_a_folder_in_the_way_is_met_before_anything_is_written",
+    ),
+    mutant(
+        "photographs: signed normals are clamped",
+        "data/readers/photographs.py",
+        'if name == "normal" and pixels.min() < -OVERSHOOT:',
+        "if False:",
+        "data/readers/test_photographs.py::test_signed_normals_are_refused",
+    ),
+    mutant(
+        "export: arrays forget what their specular map means",
+        "cli/export.py",
+        'replace(BUILT_IN["maps"], fresnel=fresnel)',
+        'BUILT_IN["maps"]',
+        "cli/test_export.py::test_arrays_keep_what_their_specular_map_means",
     ),
     mutant(
         "matching: the present batch counts alone",
