@@ -2314,6 +2314,13 @@ TRAINING = (
         "cli/test_export.py::test_a_folder_in_the_way_is_met_before_anything_is_written",
     ),
     mutant(
+        "textures: arrays for an index are taken for reflectances",
+        "data/readers/textures.py",
+        'if fresnel == "albedo" and str(',
+        "if False and str(",
+        "data/readers/test_textures.py::test_arrays_whose_specular_map_is_for_an_index_are_trained_on_as_reflectances",
+    ),
+    mutant(
         "photographs: signed normals are clamped",
         "data/readers/photographs.py",
         'if name == "normal" and pixels.min() < -OVERSHOOT:',

@@ -78,7 +78,10 @@ class Maps(Domain):
         return [match_finding(found / max(base, 1e-6), how, len(seen.generated), MATCH, seed)]
 
     def read(self, path: Path, size: int) -> Collection:
-        return Collection.materials(path, size, convention=Convention(specular="colour")).warn_skipped()
+        fresnel = "albedo" if self.fresnel == "albedo" else "stored"
+        return Collection.materials(
+            path, size, convention=Convention(specular="colour", fresnel=fresnel)
+        ).warn_skipped()
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

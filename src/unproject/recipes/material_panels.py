@@ -125,7 +125,7 @@ def textures_of(data: Path, size: int, coloured: bool = False) -> Tensor:
     """
     refuse_unsorted(data)
     side = None if data.suffix.lower() == ".npz" else side_to_cut_from(size)
-    how = Convention(specular="colour") if coloured else None
+    how = Convention(specular="colour" if coloured else "luminance", fresnel="albedo")
     found = Collection.materials(data, side, convention=how).warn_skipped().floats()
     return with_specular(found, 3 if coloured else 1)
 

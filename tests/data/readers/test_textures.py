@@ -13,11 +13,13 @@ from torch import Tensor
 
 from unproject._pictures import write_picture
 from unproject._types import UserError
-from unproject.data import Collection, read_material
+from unproject.data import Collection, read_material, wood
 from unproject.data.readers.texture_maps import normals_from_height
 from unproject.data.readers.texture_names import role_of, words_of
+from unproject.domains import Maps
 from unproject.ops.exposure import linear_from_srgb
 from unproject.ops.maps import luminance, unpack_maps
+from unproject.recipes.material_panels import textures_of
 
 MEASURED = Path(__file__).parents[4] / "shared" / "data" / "materials" / "svbrdf"
 GREY = 128  # sRGB's middle: 0.2158605 linear
@@ -196,6 +198,18 @@ def test_roughness_goes_before_glossiness(tmp_path: Path) -> None:
     plain = maps_of(material(tmp_path / "plain"))
     maps = maps_of(material(tmp_path, gloss=255, gloss_2=0, reflection=255))
     assert all(torch.equal(value, plain[name]) for name, value in maps.items())
+
+
+def test_arrays_whose_specular_map_is_for_an_index_are_trained_on_as_reflectances(tmp_path: Path) -> None:
+    """And are compared with as such; as stored they stay for `render` and `export`, which know both."""
+    x = wood(2, 16)
+    for meant in ("eta", "albedo"):
+        np.savez(tmp_path / f"{meant}.npz", **Maps(fresnel=meant).arrays(x))  # pyright: ignore
+    stored = Collection.materials(tmp_path / "eta.npz").items
+    assert torch.equal(stored, x) and torch.equal(textures_of(tmp_path / "albedo.npz", 16), x)
+    for found in (textures_of(tmp_path / "eta.npz", 16), Maps().read(tmp_path / "eta.npz", 16).items):
+        assert torch.allclose(found[:, 3], 0.04 * x[:, 3]) and torch.equal(found[:, 4:], x[:, 4:])
+    assert torch.equal(Maps(fresnel="eta").read(tmp_path / "eta.npz", 16).items, x)
 
 
 def test_packed_maps_are_occlusion_roughness_metallic(tmp_path: Path) -> None:

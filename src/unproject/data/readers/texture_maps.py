@@ -35,6 +35,8 @@ class Convention:
     normal: Literal["auto", "gl", "dx"] = "auto"
     colour: Literal["srgb", "linear"] = "srgb"
     specular: Literal["luminance", "colour"] = "luminance"
+    fresnel: Literal["stored", "albedo"] = "stored"
+    """Of an .npz that says `fresnel="eta"`: its specular map as stored, or the reflectance 0.04 k_s that it means."""
 
     def __post_init__(self) -> None:
         allowed = {"roughness": ("perceptual", "alpha"), "normal": ("auto", "gl", "dx"), "colour": ("srgb", "linear")}

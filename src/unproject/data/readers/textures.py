@@ -34,7 +34,7 @@ from .arrays import load_arrays
 from .exported import exported_maps, exported_note
 from .found import Found, check_size
 from .framing import centred_square
-from .texture_maps import Convention, check_same_size, maps_of, pictures_of
+from .texture_maps import DIELECTRIC, Convention, check_same_size, maps_of, pictures_of
 from .texture_names import find_textures, holds_material, picture_names
 
 
@@ -67,7 +67,10 @@ def read_material(
     folder = Path(folder)
     if size is not None:
         check_size(folder, size)
-    convention = Convention(roughness, normal, colour, specular)
+    return _material(folder, size, Convention(roughness, normal, colour, specular))
+
+
+def _material(folder: Path, size: int | None, convention: Convention) -> Tensor:
     note = exported_note(folder)
     if note is not None:
         maps = exported_maps(folder, note, convention.specular == "colour")
@@ -95,13 +98,13 @@ def find_materials(
     meant = convention or Convention()
     check_size(path, size)
     if path.suffix.lower() == ".npz":
-        return _from_arrays(path, size)
+        return _from_arrays(path, size, meant.fresnel)
     folders = _material_folders(path)
     found: dict[str, Tensor] = {}
     skipped: dict[str, str] = {}
     for name, folder in folders.items():
         try:
-            found[name] = read_material(folder, size, **vars(meant))
+            found[name] = _material(folder, size, meant)
         except UserError as error:
             if strict or len(folders) == 1:
                 raise
@@ -138,7 +141,7 @@ def _is_material(folder: Path) -> bool:
     return holds_material(folder) or (bool(picture_names(folder)) and not any(p.is_dir() for p in folder.iterdir()))
 
 
-def _from_arrays(path: Path, size: int | None) -> Found:
+def _from_arrays(path: Path, size: int | None, fresnel: str) -> Found:
     arrays = load_arrays(path)
     maps = {}
     for name in (name for name in MAPS if name in arrays):
@@ -158,6 +161,8 @@ def _from_arrays(path: Path, size: int | None) -> Found:
         packed = pack_maps(maps)
     except UserError as error:
         raise UserError(f"{path}: {error}") from None
+    if fresnel == "albedo" and str(arrays.get("fresnel")) == "eta":
+        packed[:, places(packed.shape[1])["specular"]] *= DIELECTRIC
     names = arrays.get("names")
     if names is not None and names.shape != (len(packed),):
         raise UserError(f"{path}: names {names.shape} for {len(packed)} materials; give each one, or none")
