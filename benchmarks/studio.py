@@ -3,9 +3,9 @@
     python benchmarks/studio.py RUNS --minutes 15
 
 RUNS has a run of shapes called chairs and one of a material called wood; it is copied, to 50 runs, elsewhere. Chromium
-and Playwright are needed (docs/studio.md). Before the random clicking every panel of every run is opened and every
-control of PLACES used once, since what is opened is kept: memory that grows afterwards is a leak. Prints one JSON
-object:
+and Playwright are needed (docs/studio.md). Before the random clicking every panel of every run is opened, every control
+of PLACES used once and a picture explained by each search, since what is opened is kept: memory that grows afterwards
+is a leak. Prints one JSON object:
 
     first_picture_s     from the start of the page to the first picture of 50 runs
     mesh_ms             from a slider's move to the mesh on the canvas: median, and 95th of 100
@@ -34,6 +34,7 @@ from typing import Any
 from playwright.sync_api import CDPSession, Error, Page, sync_playwright
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+SEARCHES = ("quick", "thorough")
 RUNS, MOVES, CONTROLS = 50, 100, 60
 PANELS = ("runs", "explore", "materials", "collections", "fit")
 PLACES = (
@@ -127,8 +128,24 @@ CLICK = """(seed) => {
 }"""
 
 
+EXPLAIN = """(search) => {
+  document.querySelector('select[aria-label=search]').value = search;
+  [...document.querySelectorAll('button')].find((one) => one.textContent === 'Take one of its own pictures').click();
+}"""
+
+
+def explained(page: Page, address: str, search: str) -> None:
+    """Let one of the pictures of training be explained, to the end."""
+    page.goto(f"{address}#/runs")
+    page.wait_for_timeout(500)
+    page.goto(f"{address}#/fit?run=chairs")
+    page.wait_for_function("() => document.querySelectorAll('select[aria-label=search] option').length > 0")
+    page.evaluate(EXPLAIN, search)
+    page.wait_for_function("() => document.body.innerText.includes('Done in')")
+
+
 def opened(page: Page, address: str, process: subprocess.Popen[str], names: list[str]) -> dict[str, Any]:
-    """Open every panel of every run, then use every control of PLACES once."""
+    """Open every panel of every run, use every control of PLACES once, and explain a picture by each search."""
     began = time.perf_counter()
     for place in [f"{panel}?run={name}" for name in names for panel in PANELS]:
         page.goto(f"{address}#/{place}")
@@ -139,7 +156,8 @@ def opened(page: Page, address: str, process: subprocess.Popen[str], names: list
             page.wait_for_timeout(150)
             with suppress(Error):  # it went to another page
                 page.evaluate(CLICK, (k + 0.5) / CONTROLS)
-    page.wait_for_timeout(10_000)
+    for search in SEARCHES:
+        explained(page, address, search)
     devtools = page.context.new_cdp_session(page)
     return {
         "opened_s": round(time.perf_counter() - began),
