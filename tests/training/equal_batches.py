@@ -61,6 +61,8 @@ def main(folder: Path, batch: int, mutant: bool) -> None:
         Distribution.part = alone  # type: ignore[method-assign]
     for name, recipe in recipes(batch).items():
         train(replace(recipe, origin=None, normalise_over="processes"), folder / name, device="cpu", quiet=True)
+        if mutant:
+            return  # one is enough to tell
 
 
 if __name__ == "__main__":
