@@ -192,7 +192,7 @@ from unproject._types import UserError
 def fails(*, how: str = "", steps: int = 4) -> Recipe:
     \"\"\"A recipe that fails in one process, in a way that is asked for.\"\"\"
     if os.environ.get("RANK") in ("1", None) or how == "all":
-        if how == "all":
+        if how in ("all", "one"):
             raise UserError("data: not here; give others")
         if how == "killed":
             os.kill(os.getpid(), signal.SIGKILL)
@@ -208,6 +208,7 @@ def fails(*, how: str = "", steps: int = 4) -> Recipe:
     ("how", "line", "status"),
     [
         ("all", "unproject: data: not here; give others", 2),
+        ("one", "unproject: data: not here; give others", 2),
         ("amid", "unproject: data: gone; give others", 2),
         ("killed", "unproject: process 1 of 2 was ended by signal 9; resume goes on from the last checkpoint", 1),
     ],
@@ -232,7 +233,7 @@ def test_processes_are_a_flag_of_train_and_resume(tmp_path: Path) -> None:
     out = tmp_path / "run"
     done = unproject("train", TOY, "--steps", "3", "--quiet", "--out", out, "--processes=2")
     assert done.returncode == 0, done.stderr
-    done = unproject("resume", out, "--steps", "5", "--trust", "--quiet", "--processes", "2")
+    done = unproject("resume", out, "--steps", "5", "--trust", "--quiet", "--processes", "3")
     assert done.returncode == 0 and load(out).step == 5, done.stderr
 
 

@@ -81,9 +81,10 @@ def test_damaged_notes_are_one_line(changes: dict[str, Any], tmp_path: Path) -> 
 def test_pictures_of_other_sizes_or_channels_are_refused(tmp_path: Path) -> None:
     for name, maps in (("small", up.data.wood(1, 16, seed=1)), ("large", up.data.wood(1, 24, seed=1))):
         export.material_maps(maps, tmp_path / name)
-    (tmp_path / "small" / "roughness.png").write_bytes((tmp_path / "large" / "roughness.png").read_bytes())
-    with pytest.raises(UserError, match="differ in size"):
-        up.data.read_material(tmp_path / "small")
+    for file, why in (("roughness.png", "differ in size"), ("normal.png", "is coloured where a grey picture is meant")):
+        (tmp_path / "small" / "roughness.png").write_bytes((tmp_path / "large" / file).read_bytes())
+        with pytest.raises(UserError, match=why):
+            up.data.read_material(tmp_path / "small")
 
 
 def test_pictures_that_another_program_saved_again_are_the_same(tmp_path: Path) -> None:

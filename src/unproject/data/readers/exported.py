@@ -16,7 +16,7 @@ from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
 from ...ops.maps import luminance
-from .texture_maps import SMOOTHEST
+from .texture_maps import COLOURED, SMOOTHEST
 
 NOTE, FORMAT = "material.json", "unproject material"
 FIX = f"export the material again, or remove {NOTE} to have its pictures read as any texture maps"
@@ -78,7 +78,10 @@ def _decoded(file: Path, about: dict[str, Any], channels: tuple[int, ...]) -> Te
         raise UserError(f"{file}: has values that are no numbers; {FIX}")
     values = torch.from_numpy(np.moveaxis(pixels, 2, 0).copy())
     if channels == (1,):
-        values = values.mean(0, keepdim=True)
+        grey = values.mean(0, keepdim=True)
+        if (values - grey).abs().mean() > COLOURED:
+            raise UserError(f"{file}: is coloured where a grey picture is meant; {FIX}")
+        values = grey
     elif len(values) not in channels:
         values = values.expand(3, -1, -1)
     return (linear_from_srgb(values) if about["encoding"] == "sRGB" else values) * float(about["scale"])

@@ -53,8 +53,7 @@ class Textures:
 
     def file_of(self, role: str) -> Path:
         """The file that has this map, be it in its colours or in its alpha."""
-        packed = {f"{first}_glossiness": {first, "glossiness"} for first in WITH_ALPHA}
-        return self.files.get(role) or next(f for name, f in self.files.items() if role in packed.get(name, ()))
+        return self.files.get(role) or next(file for name, file in self.files.items() if role in name.split("_"))
 
 
 def words_of(name: str) -> list[str]:
