@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+from types import SimpleNamespace
 
 import docstring_parser
 import numpy as np
@@ -114,3 +116,36 @@ def test_a_file_of_something_else_is_one_line_and_status_2(tmp_path, capsys, con
     error = capsys.readouterr().err
     assert error.startswith(f"unproject: {tmp_path / 'x.npz'}: ") and "write or fetch it again" in error
     assert error.count("\n") == 1
+
+
+def test_a_run_keeps_what_its_specular_map_means(tmp_path, capsys, monkeypatch):
+    """And so does an .npz whose suffix is in capitals."""
+    np.savez(tmp_path / "a.npz", **Maps(fresnel="eta").arrays(wood(1, 16)))
+    (tmp_path / "a.npz").rename(tmp_path / "A.NPZ")
+    out = tmp_path / "out"
+    assert main(["export", str(tmp_path / "A.NPZ"), "--to", "maps", "--out", str(out)]) == 0
+    assert json.loads((out / "material.json").read_text())["fresnel"] == "eta"
+    opened = SimpleNamespace(domain=Maps(fresnel="eta"), sample=lambda n, seed, size: wood(n, 16))
+    monkeypatch.setattr("unproject.training.load", lambda path, trust: opened)
+    (tmp_path / "recipe.json").write_text("{}")
+    words = ["export", str(tmp_path), "--n", "1", "--to", "maps", "--out", str(out)]
+    assert main(words) == 0
+    assert json.loads((out / "material.json").read_text())["fresnel"] == "eta"
+    assert main([*words, "--fresnel", "albedo"]) == 0
+    assert json.loads((out / "material.json").read_text())["fresnel"] == "albedo"
+
+
+@pytest.mark.parametrize(
+    "to, name, wanted",
+    [
+        ("glb", "chair.obj", "a name that ends in .glb, or a folder"),
+        ("png", "sheet.jpg", "a name that ends in .png, or a folder"),
+    ],
+)
+def test_a_file_named_like_another_format_is_refused(samples, tmp_path, capsys, to, name, wanted):
+    words = ["export", str(samples), "--n", "1", "--to", to, "--out", str(tmp_path / name)]
+    assert main(words) == 2
+    assert f"--to {to} writes no such file; give {wanted}" in capsys.readouterr().err
+    assert not (tmp_path / name).exists()
+    (tmp_path / name).mkdir()
+    assert main(words) == 0

@@ -13,10 +13,11 @@ import pytest
 import torch
 from PIL import Image
 
+from unproject._types import UserError
 from unproject.cli import main
 from unproject.data import cars, chairs
 from unproject.projections import Silhouette
-from unproject.training.fitted_pictures import view_of
+from unproject.training.fitted_pictures import given_view, view_of
 
 QUICK = ["--candidates", "8", "--starts", "2", "--steps", "3", "--tune", "2", "--threads", "1"]
 
@@ -196,6 +197,8 @@ def test_a_material_behind_a_photograph(tmp_path: Path) -> None:
     out = tmp_path / "fits"
     assert fit(run, photograph, "--out", out, "--light", "directional:0,0", "--view", "0") == 0
     assert list((out / "plank" / "textures").rglob("*.png"))
+    assert json.loads((out / "plank" / "textures" / "material.json").read_text())["fresnel"] == "albedo"
+    assert fit(run, photograph, "--out", out, "--light", "directional:0,0", "--view", "95") == 2
     with np.load(out / "fit.npz") as arrays:
         assert arrays["diffuse"].shape == (1, 3, 16, 16)
 
@@ -206,6 +209,11 @@ def test_names_with_a_number_sign_are_objects_of_their_own(shapes: Path, masks: 
     (folder / "chair0.png").rename(folder / "chair1#1.png")
     assert fit(shapes, folder, "--out", tmp_path / "fits", "--no-novelty") == 0
     assert sorted(entry["name"] for entry in entries(tmp_path / "fits")) == ["chair1", "chair1#1", "chair2"]
+
+
+def test_pictures_without_a_view_have_none_to_be_given() -> None:
+    with pytest.raises(UserError, match="these pictures have no view; leave it out"):
+        given_view("3", [])
 
 
 def test_angles_are_degrees_and_draws_are_no_views() -> None:

@@ -13,6 +13,7 @@ import torch
 from PIL import Image
 
 from unproject._types import UserError
+from unproject.cli import main
 from unproject.data import Collection, How, mapped, pack, picture_count, read, side_of
 from unproject.data import packing as packing_module
 from unproject.data.lazy import Lazy
@@ -167,3 +168,16 @@ def test_names_that_are_no_text_and_names_with_brackets(masks: Path) -> None:
     out = masks.parent / "p[1].npz"
     assert pack(masks, out, How(16)).count == COUNT - 1
     assert [file.name for file in masks.parent.iterdir() if file.name.startswith(".")] == []
+
+
+def test_names_of_skipped_files_are_printed_as_one_line(masks: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (masks / "a\nunproject: b.png").write_bytes(b"no picture")
+    assert main(["data", "pack", str(masks), "--out", str(masks.parent / "p.npz")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("skipped a") for line in said) and not any(line.startswith("unproject") for line in said)
+
+
+@pytest.mark.parametrize("action", ["pack", "inspect"])
+def test_a_recipe_that_is_not_there_is_refused(masks: Path, action: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["data", action, str(masks), "--for", "digts", "--size", "28"]) == 2
+    assert "digts" in capsys.readouterr().err and not list(masks.parent.glob("*.npz"))

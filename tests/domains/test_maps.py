@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Literal
+
+import pytest
 import torch
 from torch import Tensor
 
 from unproject.data import wood
 from unproject.domains import Maps
 from unproject.domains.evidence import ENOUGH, Evidence
+from unproject.export import MATERIAL_FORMATS
 
 
 def match(generated: Tensor, real: Tensor, others: Tensor, apart: Tensor) -> float:
@@ -31,3 +36,17 @@ def test_training_pictures_that_were_not_drawn_as_real_ones_are_compared() -> No
     mixed = torch.cat([real, others[:40]])
     assert apart.all(0).sum() == 40 > ENOUGH
     assert match(others[40:], real, mixed, apart) < 3
+
+
+@pytest.mark.parametrize("meant", ["albedo", "eta"])
+@pytest.mark.parametrize("to", MATERIAL_FORMATS)
+def test_every_format_of_a_domain_says_what_its_specular_map_means(
+    tmp_path: Path, to: str, meant: Literal["albedo", "eta"]
+) -> None:
+    maps = wood(1, 16, 0)
+    Maps(fresnel=meant).exporters[to](maps, tmp_path / "own")
+    for fresnel in ("albedo", "eta"):
+        MATERIAL_FORMATS[to](maps, tmp_path / fresnel, fresnel=fresnel)
+    files = {file.relative_to(tmp_path / "own"): file.read_bytes() for file in (tmp_path / "own").rglob("*.*")}
+    same = {f: all((tmp_path / f / k).read_bytes() == v for k, v in files.items()) for f in ("albedo", "eta")}
+    assert files and [fresnel for fresnel, equal in same.items() if equal] == [meant]

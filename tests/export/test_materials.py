@@ -117,7 +117,7 @@ def test_the_pictures_hold_the_material(tmp_path, depth, fresnel, eta, f0, tinte
 def test_pillow_reads_the_same_and_row_0_is_the_top(tmp_path):
     maps = a_material()
     maps[:3, 0] = torch.tensor([1.0, 0.0, 0.0])[:, None]
-    export.material_maps(maps, tmp_path)
+    export.material_maps(maps, tmp_path, fresnel="eta")
     for name, want in coded(maps, UNIT, {}, "png").items():
         np.testing.assert_allclose(pillow(tmp_path / f"{name}.png"), want, atol=HALF)
     assert (pillow(tmp_path / "basecolor.png")[0] == [1, 0, 0]).all()
@@ -126,7 +126,7 @@ def test_pillow_reads_the_same_and_row_0_is_the_top(tmp_path):
 @pytest.mark.parametrize("depth", ["8", "16"])
 def test_values_above_one_are_divided_by_a_stated_scale(tmp_path, depth):
     maps = a_material(diffuse=2.5, specular=40.0, roughness=2.25)
-    export.material_maps(maps, tmp_path, depth=depth)
+    export.material_maps(maps, tmp_path, depth=depth, fresnel="eta")
     stated = scales(tmp_path)
     assert stated == pytest.approx({"basecolor": 2.5, "specular": 1.6, "roughness": 1.5, "normal": 1})
     for name, want in coded(maps, UNIT, stated, "png").items():
@@ -137,7 +137,7 @@ def test_values_above_one_are_divided_by_a_stated_scale(tmp_path, depth):
 
 def test_exr_keeps_values_above_one_as_they_are(tmp_path):
     maps = a_material(diffuse=2.5, specular=40.0)
-    export.material_maps(maps, tmp_path, depth="float")
+    export.material_maps(maps, tmp_path, depth="float", fresnel="eta")
     assert set(scales(tmp_path).values()) == {1}
     np.testing.assert_allclose(read_stored(tmp_path / "specular.exr").pixels.max(), 1.6, rtol=1e-6)
 

@@ -30,6 +30,7 @@ from unproject.ops.microfacet import Reflection
 from unproject.projections import Identity, Rendering
 from unproject.projections.observation import Observation
 from unproject.report import write_report, writing
+from unproject.report.contents import Contents
 from unproject.report.materials import material_data
 from unproject.training import Recipe, Run, train
 
@@ -330,3 +331,13 @@ def test_a_report_that_fails_fails_no_training(
     monkeypatch.setattr("unproject.report.write_report", full)
     leave_report(shapes, quiet=False)
     assert capsys.readouterr().err.startswith("warning: no report ([Errno 28] No space left on device); unproject")
+
+
+def test_a_run_is_complete_once_what_is_not_logged_fits_into_its_budget() -> None:
+    """Two intervals of the log at most; a long training is not taken for finished before that."""
+
+    def left(*seconds: float) -> bool:
+        lines = [{"step": 20 * (k + 1), "seconds": value} for k, value in enumerate(seconds)]
+        return Contents(Path(), {"resolved": {"minutes": 10}}, {}, lines, None, [], 20).complete
+
+    assert left(570, 581) and left(605) and not left(530, 540) and not left(589) and not left()

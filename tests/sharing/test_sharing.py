@@ -184,3 +184,28 @@ def test_a_run_that_cannot_be_shared_whole_is_not_shared(run: Path, tmp_path: Pa
     error = capsys.readouterr().err
     assert error.startswith("unproject: ") and "environment.json" in error and error.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_weights_are_shared_under_their_own_step(run: Path, tmp_path: Path) -> None:
+    """Of the step that was opened, whatever training has written since; not at all once that step is gone."""
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    opened = up.load(copied)
+    newest = checkpoint.newest(copied / "checkpoints")
+    later = {name: torch.zeros_like(value) for name, value in checkpoint.load(newest).items()}
+    checkpoint.save(copied / "checkpoints", opened.step + 1, later)
+    shared = save_pretrained(opened, tmp_path / "shared")
+    assert (up.load(shared).sample(2) - opened.sample(2)).abs().max() < 0.01
+    newest.unlink()
+    with pytest.raises(up.UserError, match="its training has gone on"):
+        save_pretrained(opened, tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def test_the_card_names_the_data(run: Path, tmp_path: Path) -> None:
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    recipe = json.loads((run / "recipe.json").read_text())
+    recipe["arguments"]["data"] = {"path": "masks"}
+    (copied / "recipe.json").write_text(json.dumps(recipe))
+    assert "| data | masks |" in (save_pretrained(copied, tmp_path / "shared") / "README.md").read_text()

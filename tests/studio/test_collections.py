@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,8 +17,9 @@ from PIL import Image
 
 from unproject.cli import main
 from unproject.data.readers.views import read_views
-from unproject.studio.collections import Sorted, _others, _table
+from unproject.studio.collections import Sorted, _others, _sorted, _table
 from unproject.studio.state import State
+from unproject.training.checkpoint import newest
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
@@ -107,3 +110,23 @@ def test_the_table_has_no_mirror_images_and_keeps_other_panels(tmp_path: Path) -
     assert table == "file,azimuth\na.png,90\nb.png,0\n"
     (tmp_path / "views.csv").write_text("file,azimuth\na.png,0\nother.png,45\n")
     assert _others(tmp_path / "views.csv", chosen) == "other.png,45\n"
+
+
+def test_volumes_are_shown(tmp_path: Path, said: Said) -> None:
+    flags = "--views direct --size 16 --channels 16 --rank 8 --batch 8 --steps 2 --tries 1 --quiet"
+    assert main(["train", "shapes", *flags.split(), "--out", str(tmp_path / "direct")]) == 0
+    status, part = said(State(tmp_path), "/api/pictures", run="direct")
+    assert status == 200 and part["pictures"][0]["picture"].startswith("data:image/webp")
+    status, found = said(State(tmp_path), "/api/mask", run="direct")
+    assert status == 400 and "no silhouettes" in found["error"]
+
+
+def test_a_run_made_anew_is_read_anew(runs: Path, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(runs / "toy", tmp_path / "toy")
+    state, read = State(tmp_path, trust=True), []
+    monkeypatch.setattr("unproject.studio.collections._sorted", lambda *of: read.append(of) or _sorted(*of))
+    for _ in range(2):
+        assert said(state, "/api/pictures", run="toy")[0] == 200
+    assert len(read) == 1
+    os.utime(newest(tmp_path / "toy" / "checkpoints"), (1, 1))
+    assert said(state, "/api/pictures", run="toy")[0] == 200 and len(read) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import threading
 import time
 import zipfile
@@ -182,6 +183,7 @@ def test_several_files_are_packed() -> None:
     assert 'filename="new-wood.zip"' in answer.headers["Content-Disposition"]
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         names = archive.namelist()
+        assert json.loads(archive.read("new-wood/material.json"))["fresnel"] == "albedo"
     assert len([name for name in names if name.endswith(".png")]) >= 4
     assert not any(name.startswith(("/", "..")) for name in names)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -164,6 +165,10 @@ def test_what_is_sent_is_bounded(runs: Path) -> None:
     with served(runs) as studio:
         assert ask(studio, "/api/runs", "POST", b"", Content_Length=str(LARGEST + 1))[0] == 413
         assert ask(studio, "/api/runs", "POST", b"0\r\n\r\n", Transfer_Encoding="chunked")[0] == 413
+        assert ask(studio, "/api/runs", "POST", b"", Content_Length="9" * 5000)[0] == 413
+        with socket.create_connection(studio.server_address[:2]) as raw:
+            raw.sendall(b"GET http://[x/ HTTP/1.1\r\nHost: x\r\n\r\n")
+            assert raw.recv(64).split()[1] == b"400"
 
 
 def test_no_more_calls_wait_than_the_queue_holds() -> None:

@@ -19,9 +19,9 @@ from .._files import atomic_path, read_json, understood
 from .._types import UserError, printable
 from ..data.readers.arrays import load_arrays
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
-from ..export.pictures import graphs
 from ..training.description import describe
-from ..training.fitted_pictures import as_seen, doubts, object_of, view_of
+from ..training.fitted_pictures import doubts, object_of, view_of
+from ..training.seen import as_seen
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -108,7 +108,7 @@ def _entry(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str
         distance, seconds = f"distance {entry['distance']:.2f}", f"{entry['seconds']:.1f} s"
         if entry["name"] != name or not isinstance(entry["explained"], bool) or not isinstance(entry["why"], str):
             raise TypeError("it is of another object, or does not say whether that is explained")
-    print(f"{name}: {distance}, {len(rows)} pictures, {seconds} ({k + 1}/{count})", flush=True)
+    print(printable(f"{name}: {distance}, {len(rows)} pictures, {seconds} ({k + 1}/{count})"), flush=True)
     return entry
 
 
@@ -144,7 +144,7 @@ def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
         domain.exporters[job.to](domain.largest_part(fit.x[:1]), file)
     seen = [as_seen(job.fitter.viewing.projection, y) for y in (pictures, fit.projected)]
     pairs = torch.stack(seen, 1).flatten(0, 1)
-    shown = picture_sheet(graphs(pairs) if pairs.dim() == 3 else pairs, columns=2, cell=CELL)
+    shown = picture_sheet(pairs, columns=2, cell=CELL)
     preview = domain.preview(fit.x[:1])
     row = Image.new("RGB", (shown.width + preview.width, max(shown.height, preview.height)), "white")
     row.paste(shown, (0, 0))

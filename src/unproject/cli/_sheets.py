@@ -48,22 +48,14 @@ def _sheet_of(collection: Collection, out: Path) -> None:
 def _sheet_of_photographs(found: Inspection, out: Path) -> None:
     """Some pictures of each observation in rows of their own, as `material_sheet` shows maps."""
     from ..data.readers.lights import KINDS
-    from ..export import grouped_sheet
+    from ..export import grouped_sheet, map_picture
 
     groups = {}
     count = COLUMNS * max(1, ROWS // len(found.collections))
     for name, collection in found.collections.items():
         what = KINDS[name].light if name in KINDS else "maps"
-        groups[f"{name}: {len(collection)} ({what})"] = _displayed(name, _spread(collection, count))
+        groups[f"{name}: {len(collection)} ({what})"] = map_picture(name, _spread(collection, count))
     grouped_sheet(groups, out, columns=COLUMNS)
-
-
-def _displayed(name: str, items: Tensor) -> Tensor:
-    """Pictures (N, 3, H, W) in [0, 1] of a map or of photographs."""
-    from ..ops.exposure import develop
-
-    shown = develop(items) if name in ("diffuse", "specular") else items / 2 + 0.5 if name == "normal" else items
-    return shown.expand(-1, 3, -1, -1)
 
 
 def _sheet_of_materials(collection: Collection, out: Path) -> None:
@@ -72,14 +64,14 @@ def _sheet_of_materials(collection: Collection, out: Path) -> None:
 
     from ..data.sampling import spread_rows
     from ..domains.maps import under_a_lamp
-    from ..export import grouped_sheet
+    from ..export import grouped_sheet, map_picture
     from ..ops.maps import unpack_maps
 
     rows = spread_rows(len(collection), COLUMNS)
     groups = {}
     for row in rows.tolist():
         maps = collection.batch([row])
-        pictures = [_displayed(name, part) for name, part in unpack_maps(maps).items()]
+        pictures = [map_picture(name, part).expand(-1, 3, -1, -1) for name, part in unpack_maps(maps).items()]
         name = collection.names[row]
         same = f" (row {row})" if collection.names.count(name) > 1 else ""
         caption = f"{name}{same}: diffuse, specular, roughness, normal; lit by a lamp"

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .._types import UserError
+from .._types import UserError, printable
 from ._arguments import find_recipe
 
 if TYPE_CHECKING:
@@ -124,6 +124,7 @@ def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | Non
     """Read a path as this recipe does, at its size."""
     from ..data import inspect, inspect_materials
 
+    find_recipe(recipe)  # mistakes come first
     size, kind = _size_of(recipe, path) if size is None else size, recipe.partition("-")[0]
     if framing is not None and kind in ("digits", *MATERIALS):
         raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
@@ -140,6 +141,7 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
 
     from ..data import How, pack
 
+    find_recipe(recipe)
     kind = recipe.partition("-")[0]
     if kind in MATERIALS:
         raise UserError(f"--for {recipe}: materials are read from their folder; pack pictures for shapes or digits")
@@ -154,7 +156,7 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
         how = How(size, images, framing=framing, strict=strict)
         found = pack(path, out, how, lambda done, total: bar.update(task, completed=done, total=total))
     for name, reason in found.skipped[:SHOWN]:
-        print(f"skipped {name}: {reason}")
+        print(printable(f"skipped {name}: {reason}"))
     shape = " x ".join(map(str, found.shape))
     print(f"{found.path}: {found.count} pictures of {shape}, {len(found.skipped)} skipped")
 

@@ -64,8 +64,8 @@ def run(
 
     found = _found(source, to, n, seed, trust, size, coloured_specular)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
-    if "depth" in options:
-        options["fresnel"] = fresnel or found.fresnel
+    if "depth" in options and fresnel is not None:
+        options["fresnel"] = fresnel
     x = _hull(found.x) if hull else torch.as_tensor(found.x)
     x = found.domain.largest_part(x) if largest_part else x
     with naming(out):
@@ -77,11 +77,10 @@ def run(
 
 
 class Found(NamedTuple):
-    """Samples (N, ...), their domain, what a specular albedo means, and (name, reason) of each that was skipped."""
+    """Samples (N, ...), their domain, and (name, reason) of each that was skipped."""
 
     x: Any
     domain: Domain
-    fresnel: str = "albedo"
     skipped: tuple[tuple[str, str], ...] = ()
 
 
@@ -94,15 +93,16 @@ def _found(
     from ..domains import BUILT_IN, domain_of_arrays
     from ..training import load
 
-    textures = to in export.MATERIAL_FORMATS and source.suffix != ".npz"
-    if (source / "recipe.json").exists() or (source.suffix != ".npz" and not textures):
+    arrays_given = source.suffix.lower() == ".npz"
+    textures = to in export.MATERIAL_FORMATS and not arrays_given
+    if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)
-    arrays = load_arrays(source) if source.suffix == ".npz" else {}
+    arrays = load_arrays(source) if arrays_given else {}
     if textures or "diffuse" in arrays:
         maps, fresnel, skipped = read_maps(source, size, coloured)
         domain = replace(BUILT_IN["maps"], fresnel=fresnel)
-        return Found(maps if n is None else maps[: _some(n)], domain, fresnel, skipped)
+        return Found(maps if n is None else maps[: _some(n)], domain, skipped)
     if size is not None:
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
     domain = domain_of_arrays(arrays)
@@ -124,13 +124,15 @@ def _options(
         raise UserError(
             f"--to {to}: there is no such format for {domain.name}s; choose from {known}".replace("mapss", "maps")
         )
+    own = WRITTEN.get(to, to)
+    if out.suffix[1:].lower() in {*export.FORMATS, *OTHER_SUFFIXES} - {own} and not out.is_dir():
+        wanted = f"a name that ends in .{own}, or a folder" if own else "the name of a folder"
+        raise UserError(f"--out {out}: --to {to} writes no such file; give {wanted}")
     if faces is not None and (to not in ("glb", "obj", "ply") or faces < 4):
         raise UserError(f"--faces {faces} with --to {to}: it is a number of triangles, at least 4, for glb, obj or ply")
     if hull and domain.name != "volume":
         raise UserError(f"--hull: only volumes have a hull, and this holds {domain.name}; leave it out")
     if to in export.MATERIAL_FORMATS:
-        if to == "gltf" and out.suffix not in ("", ".glb"):
-            raise UserError(f"--out {out}: give a name that ends in .glb, or a folder")
         return of_materials
     options: dict[str, Any] = {} if faces is None else {"faces": faces}
     if to == "gif":
@@ -138,6 +140,10 @@ def _options(
 
         options["track"] = lambda frames: track(frames, description="turntable")
     return options
+
+
+OTHER_SUFFIXES, WRITTEN = ("gltf", "mtlx", "jpg", "jpeg", "webp", "exr"), {"gltf": "glb", "maps": "", "mtlx": ""}
+"""Suffixes of files that are no format's, and format → the suffix of its files where that is not its name."""
 
 
 def _some(n: int | None) -> int:

@@ -111,11 +111,11 @@ def lit_viewing(opened: Run, view: str | None, light: str) -> Viewing:
     from ..projections.observation import Observation
     from ..projections.priors import Product, Uniform
     from ..projections.rendering import Rendering
-    from .render import angles, light_of
+    from .render import light_of, view_of
 
     if opened.domain.name != "maps":
         raise UserError(f"--light {light}: only photographs of materials have a light; leave it out")
-    theta, phi = angles("--view ", view or "0", "0 or 60,-90", -90.0)
+    theta, phi = view_of(view or "0")
     lighting, latents = light_of(light)
     rendering = Rendering(lighting, Reflection(getattr(opened.domain, "fresnel", "albedo")))
     fixed = {"view": math.radians(theta), "view_azimuth": math.radians(phi), **latents}

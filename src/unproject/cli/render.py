@@ -66,9 +66,7 @@ def run(
 
     use_threads(threads)
     _check(out, strip)
-    theta, phi = angles("--view ", view, "80 or 80,-90", -90.0)
-    if not abs(theta) < 90:
-        raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
+    theta, phi = view_of(view)
     lighting, latents = light_of(light)
     reflection, sampling = Reflection(fresnel or "eta", eta, shadowing), Sampling(samples)  # mistakes come first
     material = read_maps(maps, size, coloured_specular)
@@ -89,6 +87,14 @@ def _check(out: Path, strip: int | None) -> None:
         raise UserError(f"--out {out}: a .gif shows a strip; say --strip 12, or give a .png")
     if strip is not None and (strip < 1 or out.suffix == ".npy"):
         raise UserError(f"--strip {strip}: give 1 picture or more, and a .png or .gif")
+
+
+def view_of(text: str) -> tuple[float, float]:
+    """Return the angles of a camera above a material from its normal and around it, in degrees."""
+    theta, phi = angles("--view ", text, "80 or 80,-90", -90.0)
+    if not abs(theta) < 90:
+        raise UserError(f"--view {text}: the camera must be above the material, less than 90 degrees from the normal")
+    return theta, phi
 
 
 def angles(flag: str, text: str, example: str, azimuth: float) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -85,7 +85,8 @@ class Maps(Domain):
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:
-        return {**super().exporters, **export.MATERIAL_FORMATS}
+        own = {name: partial(write, fresnel=self.fresnel) for name, write in export.MATERIAL_FORMATS.items()}
+        return {**super().exporters, **own}
 
 
 def rendered_alike(x: Tensor, reference: Tensor) -> dict[str, tuple[Tensor, Tensor]]:

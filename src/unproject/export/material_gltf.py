@@ -40,7 +40,7 @@ def material_gltf(
     path: str | PathLike[str],
     *,
     depth: Literal["8"] = "8",
-    fresnel: Fresnel = "eta",
+    fresnel: Fresnel = "albedo",
     eta: float = 1.5,
 ) -> Written:
     """One .glb of planes, several in rows from the top left; a path without .glb gets materials.glb in that folder.

@@ -61,7 +61,7 @@ def material_x(
     path: str | PathLike[str],
     *,
     depth: MapDepth = "8",
-    fresnel: Fresnel = "eta",
+    fresnel: Fresnel = "albedo",
     eta: float = 1.5,
 ) -> Written:
     """`material_maps`, and material.mtlx in each folder."""

@@ -85,7 +85,7 @@ def material_maps(
     path: str | PathLike[str],
     *,
     depth: MapDepth = "8",
-    fresnel: Fresnel = "eta",
+    fresnel: Fresnel = "albedo",
     eta: float = 1.5,
 ) -> Written:
     """A folder of basecolor, specular, roughness and normal, with material.json; material-00/, ... of a batch.

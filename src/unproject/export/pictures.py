@@ -147,15 +147,16 @@ def graphs(lines: Tensor) -> Tensor:
     return (heights[:, :, None] > levels).float()
 
 
+def map_picture(name: str, part: Tensor) -> Tensor:
+    """Return a map (N, C, H, W) of materials as a picture: albedo developed with gamma 2.2, a normal n as (n + 1)/2."""
+    return develop(part) if name in ("diffuse", "specular") else part / 2 + 0.5 if name == "normal" else part
+
+
 def material_sheet(
     maps: Tensor, pictures: Sequence[Tensor], path: str | PathLike[str] | None = None, *, scale: int = 1
 ) -> Image.Image:
-    """A row a material: its diffuse, specular, roughness and normal map, and pictures (N, 3, H, W) of it.
-
-    Diffuse and specular are shown with gamma 2.2, normals as (n + 1)/2.
-    """
-    named = unpack_maps(maps.detach().cpu())
-    columns = [develop(named["diffuse"]), develop(named["specular"]), named["roughness"], named["normal"] / 2 + 0.5]
+    """A row a material: its diffuse, specular, roughness and normal map, and pictures (N, 3, H, W) of it."""
+    columns = [map_picture(name, part) for name, part in unpack_maps(maps.detach().cpu()).items()]
     columns = [c.expand(-1, 3, -1, -1) for c in (*columns, *(p.detach().cpu() for p in pictures))]
     cells = torch.stack(columns, 1).permute(0, 1, 3, 4, 2).clamp(0, 1).mul(255).round().byte().numpy()
     cells = cells.repeat(scale, 2).repeat(scale, 3)

@@ -61,7 +61,8 @@ class Contents:
         steps, minutes = number(resolved.get("steps")), number(resolved.get("minutes"))
         by_step = self.step / steps if steps else 0.0
         # The last steps are not logged: the log is written every so many.
-        by_time = 1.02 * self.seconds / (60 * minutes) if minutes else 0.0
+        logged = sorted(number(line.get("seconds")) or 0.0 for line in self.lines)[-2:]
+        by_time = (self.seconds + 2 * (logged[-1] - logged[0])) / (60 * minutes) if minutes and logged else 0.0
         return max(by_step, by_time)
 
     @property

@@ -16,7 +16,7 @@ from torch import Tensor
 from .. import export
 from ..assignment import Panel
 from ..domains import Domain
-from ..ops.maps import are_maps, unpack_maps
+from ..training.seen import sheet_as_seen
 
 WIDEST = 640
 """Pixels of a picture at most: of a column on a wide screen."""
@@ -89,11 +89,4 @@ def _names(panel: Panel) -> str:
 
 def _sheet(panel: Panel) -> Image.Image:
     count = min(SHOWN_DATA, len(panel))
-    y = panel.batch((torch.arange(count) * len(panel)) // count)
-    if y.dim() == 3:  # line integrals
-        y = export.graphs(y)
-    if y.dim() == 4 and y.shape[1] in (1, 3):
-        return export.picture_sheet(y / 2 + 0.5 if (y < 0).any() else y, columns=6)
-    if are_maps(y):
-        return export.picture_sheet(unpack_maps(y)["diffuse"], columns=6)
-    return export.gallery(y, size=96, columns=6)
+    return sheet_as_seen(panel.projection, panel.batch((torch.arange(count) * len(panel)) // count), 6, 96)

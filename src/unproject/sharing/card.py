@@ -79,6 +79,7 @@ def _value(finding: Mapping[str, Any]) -> str:
 def _provenance(recipe: Mapping[str, Any], environment: Mapping[str, Any]) -> str:
     arguments = recipe.get("arguments") or {}
     data = arguments.get("data") or "the recipe's own, procedural or embedded"
+    data = data.get("path", data) if isinstance(data, dict) else data
     command = environment.get("command")
     rows = {
         "data": data,

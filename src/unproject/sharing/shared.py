@@ -85,8 +85,10 @@ def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str],
 
 
 def _fill(folder: Path, opened: Run) -> None:
-    newest = checkpoints.newest(opened.path / "checkpoints")
-    tensors = {name: small(value) for name, value in checkpoints.load(newest).items() if is_shared(name)}
+    file = checkpoints.checkpoint_of(opened.path / "checkpoints", opened.step)
+    if not file.is_file():
+        raise UserError(f"{opened.path}: its training has gone on and removed step {opened.step}; load the run again")
+    tensors = {name: small(value) for name, value in checkpoints.load(file).items() if is_shared(name)}
     (folder / "checkpoints").mkdir()
     checkpoints.save(folder / "checkpoints", opened.step, tensors)
     for place in PLACES:

@@ -17,13 +17,13 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from .. import export
 from .._files import atomic_path
 from .._types import UserError
 from ..assignment import AssignmentState
 from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.run_directory import naming, read_recipe
+from ..training.seen import sheet_as_seen
 from .answers import Answer, Request, of_json
 from .downloads import attachment
 from .state import State
@@ -52,13 +52,11 @@ class Sorted:
     sure: Tensor | None
 
     def picture(self, row: int) -> Tensor:
-        """Return a picture (1, C, H, W), lines as graphs, in [0, 1]."""
+        """Return a picture (1, ...) as training gets it."""
         panel = self.state.panel
         count = len(panel)
         rows = torch.tensor([row if row < count else row - count])
-        y = panel.batch(rows) if row < count or panel.held_out is None else panel.held_out.batch(rows)
-        y = export.graphs(y) if y.dim() == 3 else y
-        return y / 2 + 0.5 if (y < 0).any() else y
+        return panel.batch(rows) if row < count or panel.held_out is None else panel.held_out.batch(rows)
 
     def angles(self) -> list[dict[str, float]] | None:
         """Return the middle of each view in degrees, by the columns of views.csv; None if views have no azimuth."""
@@ -98,8 +96,8 @@ def _panel(state: AssignmentState, k: int, described: Any) -> Sorted:
 
 def _of(state: State, request: Request) -> tuple[list[Sorted], Sorted]:
     name = request.text("run")
-    step = state.opened(name).step
-    panels = state.kept(("collections", name, step), lambda: _sorted(state, name), 2)
+    version = state.version(state.opened(name))
+    panels = state.kept(("collections", name, version), lambda: _sorted(state, name), 2)
     return panels, panels[request.whole("panel", 0, 0, len(panels) - 1)]
 
 
@@ -155,7 +153,7 @@ def show_mask(state: State, request: Request) -> Answer:
         first = count if total > count else 0
         row = first + request.whole("number", 0, 0, 10**6) % (total - first)
         y = chosen.picture(row)[0]
-        if len(y) != 1:
+        if y.dim() != 3 or len(y) != 1:
             raise UserError("the pictures of this run are no silhouettes; drop one of your own")
         content = io.BytesIO()
         Image.fromarray((y[0] * 255).round().byte().numpy()).save(content, "PNG")
@@ -165,7 +163,7 @@ def show_mask(state: State, request: Request) -> Answer:
 
 
 def _entry(chosen: Sorted, row: int, view: int, corrected: dict[str, int]) -> dict[str, Any]:
-    shown = export.picture_sheet(chosen.picture(row), columns=1, cell=CELL)
+    shown = sheet_as_seen(chosen.state.panel.projection, chosen.picture(row), 1, CELL)
     name = chosen.names[row]
     return {
         "name": name,
@@ -245,8 +243,8 @@ def _others(file: Path, chosen: Sorted) -> str:
     """Return the lines of views.csv that are of other panels' pictures."""
     if not file.exists():
         return ""
-    own, text = {*chosen.names}, file.read_text(encoding="utf-8", errors="replace")
-    rows = [row for row in csv.reader(io.StringIO(text)) if row and row[0] not in ("file", *own)]
+    own, text = {"file", *chosen.names}, file.read_text(encoding="utf-8", errors="replace")
+    rows = [row for row in csv.reader(io.StringIO(text)) if row and row[0] not in own]
     return _csv(rows)
 
 

@@ -133,7 +133,13 @@ class Explanation:
         asked = self.asked
         self._now("opening the run")
         self.run = run = state.opened(asked.run)
-        key = (asked.run, state.version(run), asked.observation, asked.search, Path(asked.name).suffix == ".npz")
+        key = (
+            asked.run,
+            state.version(run),
+            asked.observation,
+            asked.search,
+            Path(asked.name).suffix.lower() == ".npz",
+        )
         self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
         self._now("reading the picture")
         found = _read(asked, means)

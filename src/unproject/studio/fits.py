@@ -15,8 +15,9 @@ from ..inversion import DOUBTFUL, Fit
 from ..report.contents import read_contents
 from ..report.pictures import picture_of
 from ..report.sections import views_of
-from ..training.fitted_pictures import FAR, FORMATS, as_seen
+from ..training.fitted_pictures import FAR, FORMATS
 from ..training.run_directory import read_recipe
+from ..training.seen import as_seen
 from .answers import Answer, Missing, Request, of_json
 from .downloads import exported
 from .explaining import SEARCHES, Asked, Explanation, degrees
@@ -100,8 +101,7 @@ def _shown(one: Explanation, fit: Fit) -> dict[str, Any]:
 def _seen(one: Explanation, y: Tensor | None) -> str | None:
     if y is None or one.means is None:
         return None
-    shown = y if y.dim() == 3 else as_seen(one.means.fitter.viewing.projection, y)
-    shown = export.graphs(shown) if shown.dim() == 3 else shown
+    shown = as_seen(one.means.fitter.viewing.projection, y)
     return picture_of(export.picture_sheet(shown, columns=min(len(shown), 4), cell=SEEN), "a picture", 2 * SEEN).uri
 
 

@@ -58,8 +58,8 @@ def show_maps(state: State, request: Request) -> Answer:
     maps, _, step = state.compute(lambda: maps_at(state, request))
     shown = {}
     for name, part in unpack_maps(maps[None]).items():
-        seen = part / 2 + 0.5 if name == "normal" else part.clamp(0, 1) ** (1 / 2.2) if name != "roughness" else part
-        shown[name] = picture_of(export.picture_sheet(seen, columns=1, cell=256), name, 256).uri
+        sheet = export.picture_sheet(export.map_picture(name, part), columns=1, cell=256)
+        shown[name] = picture_of(sheet, name, 256).uri
     return of_json({"step": step, "maps": shown, "lights": [*state.kept(("probes",), procedural_probes)[1], *LAMPS]})
 
 

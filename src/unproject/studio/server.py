@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 import sys
 import traceback
@@ -92,7 +93,12 @@ class Handler(BaseHTTPRequestHandler):
         """Keep quiet: the terminal is for what goes wrong."""
 
     def _answer(self, method: str) -> None:
-        address = urlsplit(self.path)
+        try:
+            address = urlsplit(self.path)
+        except ValueError:  # no address of ours: a bracket without its other half
+            self.close_connection = True
+            self._send(of_json({"error": "this is no address"}, 400))
+            return
         query = dict(parse_qsl(address.query, keep_blank_values=True))
         if method == "GET" and address.path == "/" and self.server.guard.knows(query.get("token", "")):
             cookie = f"{COOKIE}={query['token']}; HttpOnly; SameSite=Strict; Path=/"
@@ -114,7 +120,7 @@ class Handler(BaseHTTPRequestHandler):
     def _body(self) -> bytes | None:
         """Return what was sent; None if it is too long, or does not say how long it is."""
         length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > LARGEST or "Transfer-Encoding" in self.headers:
+        if not re.fullmatch("[0-9]{1,12}", length) or int(length) > LARGEST or "Transfer-Encoding" in self.headers:
             return None
         return self.rfile.read(int(length))
 

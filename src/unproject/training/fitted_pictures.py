@@ -18,7 +18,7 @@ from ..data.measured_lines import standardised_lines
 from ..data.readers.pictures import picture_files
 from ..inversion import DOUBTFUL, Fit, Viewing
 from ..projections import Cropped, FramedSilhouette, Silhouette, Standardised
-from ..projections.base import Projection
+from .run_directory import read_recipe
 
 if TYPE_CHECKING:
     from .run import Run
@@ -68,7 +68,8 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float)
             return Collection(viewing.projection.standardise(found.floats()), names=found.names)
         return found
     if opened.domain.name == "image":
-        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale)
+        center = read_recipe(opened.path)["arguments"].get("center")
+        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale, center)
     if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
@@ -93,7 +94,7 @@ def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:
     why = []
     if p is not None and p.min() < DOUBTFUL:
         why.append(f"its pictures are of another kind than those of training (p {p.min():.3f})")
-    if fit.error > FAR:
+    if not fit.error <= FAR:
         why.append(f"no sample's projection comes near (distance {fit.error:.2f}, {FAR:g} is far)")
     if run.domain.empty(fit.x[:1]):
         why.append("nothing is to be seen of what was found, so that it has no file")
@@ -102,6 +103,8 @@ def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:
 
 def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
     """Return the latents that --view gives, radians, in the order in which the projection takes them."""
+    if not latents:
+        raise UserError(f"--view {view}: these pictures have no view; leave it out")
     try:
         degrees = [float(part) for part in view.split(",")]
     except ValueError:
@@ -109,9 +112,3 @@ def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
     if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
         raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
     return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}
-
-
-def as_seen(projection: Projection, pictures: Tensor) -> Tensor:
-    """Return pictures (M, C, H, W) as a person sees them: before they were standardised, in [0, 1]."""
-    seen = projection.restore(pictures) if isinstance(projection, Standardised) else pictures
-    return seen.clamp(0, 1)

@@ -76,3 +76,18 @@ def test_bad_ones_are_named_and_skipped(tmp_path: Path) -> None:
     put(tmp_path / "top", "tiny.png", (1, 1, 1), (2, 2))
     with pytest.raises(UserError, match=r"none of the 1 pictures can be used \(top/tiny.png: is 2 × 2"):
         Collection.photographs(tmp_path, "top", 16)
+
+
+@pytest.mark.parametrize("name", ["diffuse", "specular", "roughness", "normal"])
+def test_maps_of_floats_beyond_one_are_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    write_picture(tmp_path / name / "a.exr", np.full((32, 32, 3), (0.5, 0.5, 1.3), np.float32), "float")
+    with pytest.raises(UserError, match="values run to 1.3; scale maps to"):
+        Collection.photographs(tmp_path, name, 16)
+
+
+def test_photographs_of_floats_are_developed(tmp_path: Path) -> None:
+    (tmp_path / "top").mkdir()
+    write_picture(tmp_path / "top" / "a.exr", np.full((32, 32, 3), (0.5, 37.0, 0.0), np.float32), "float")
+    found = Collection.photographs(tmp_path, "top", 16).items[0, :, 3, 5]
+    assert found.tolist() == pytest.approx([0.5 ** (1 / 2.2), 1, 0], abs=1e-3)

@@ -226,3 +226,10 @@ def test_observations_that_draw_different_latents_are_refused():
         observe(torch.ones(20, 8, 8, 8), [*observations(0.5), strange])
     with pytest.raises(UserError, match="at least one observation"):
         observe(torch.ones(2, 8, 8, 8), [])
+
+
+def test_hidden_folders_are_left_out(tmp_path):
+    for name in ("a.binvox", ".trash/b.binvox", "__MACOSX/c.binvox"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_binvox(tmp_path / name, np.ones((4, 4, 4), bool))
+    assert Collection.volumes(tmp_path, 4).names == ("a.binvox",)

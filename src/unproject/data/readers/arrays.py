@@ -76,9 +76,10 @@ def load_arrays(path: Path) -> Mapping[str, np.ndarray]:
     """
     check_regular(path)
     try:
-        if ".npz" not in path.suffixes and ".npy" not in path.suffixes:
+        suffixes = {suffix.lower() for suffix in path.suffixes}
+        if not suffixes & {".npz", ".npy"}:
             return {"array": read_idx(path)}
-        if ".npz" in path.suffixes and zipfile.is_zipfile(path):
+        if ".npz" in suffixes and zipfile.is_zipfile(path):
             return StoredArrays(path)
         # Copy on write: torch takes only arrays that can be written to, and the file stays as it is.
         return {"array": np.lib.format.open_memmap(path, mode="c")}

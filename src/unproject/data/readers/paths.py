@@ -11,7 +11,7 @@ from .arrays import read_arrays
 from .found import Found, check_size
 from .how import How
 from .pictures import SUFFIXES as PICTURES
-from .pictures import read_pictures
+from .pictures import is_hidden, read_pictures
 from .shapes import SUFFIXES as SHAPES
 from .shapes import find_volumes, is_shape_archive, split_selector
 
@@ -42,7 +42,7 @@ def holds_shapes(path: Path) -> bool:
     Raises:
         UserError: if there are other pictures too.
     """
-    files = [file for file in paths_below(path) if not any(part[0] == "." for part in file.relative_to(path).parts)]
+    files = [file for file in paths_below(path) if not is_hidden(file, path)]
     shapes = [file for file in files if file.suffix.lower() in SHAPES]
     around = {shape.parent for shape in shapes} - {path}
     pictures = [file for file in files if file.suffix.lower() in PICTURES and not around & set(file.parents)]

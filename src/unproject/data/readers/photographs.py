@@ -1,7 +1,8 @@
 """Folders of pictures of materials, one sub-folder for each observation: `diffuse/`, `normal/`, `top/`, `grazing/`, …
 
 What each holds need not belong together: no two pictures need show the same material. Maps are read as artists store
-them (sRGB albedos, perceptual roughness r with m = r², normals as ½ + ½ n, y up), photographs as they are.
+them (sRGB albedos, perceptual roughness r with m = r², normals as ½ + ½ n, y up), photographs as they are, but what is
+stored as floats (.exr, .hdr) is linear: photographs of it are developed with gamma 2.2 and clamped at 1.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from torch import Tensor
 
 from ..._pictures import read_stored
 from ..._types import UserError
-from ...ops.exposure import linear_from_srgb
-from ...ops.maps import CHANNELS, COLOURED, places
+from ...ops.exposure import develop, linear_from_srgb
+from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
 from .lights import SAVE, UNREAD, picture_files
@@ -71,6 +72,8 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
     if name == "normal" and pixels.min() < -OVERSHOOT:
         raise UserError(f"{file}: values run from {pixels.min():.3g}; give normals as ½ + ½ n, flat being (½, ½, 1)")
+    if name in MAPS and pixels.max() > 1 + OVERSHOOT:
+        raise UserError(f"{file}: values run to {pixels.max():.3g}; scale maps to [0, 1]")
     values = torch.from_numpy(np.moveaxis(pixels[..., : 3 if pixels.shape[2] >= 3 else 1], 2, 0).copy()).clamp(min=0)
     side = min(values.shape[1:])
     if side < size // 2:
@@ -79,7 +82,9 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
         )
     if name == "diffuse" and "int" in stored:
         values = linear_from_srgb(values)
-    values = centred_square(values[None], size)[0]
+    if name not in MAPS and "int" not in stored:
+        values = develop(values)
+    values = centred_square(values[None], size)[0].clamp(max=1)
     return (values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)).float()
 
 

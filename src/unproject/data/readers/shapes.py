@@ -22,6 +22,7 @@ from ..._types import UserError
 from .arrays import checked_values, load_arrays, read_arrays, resized_volumes
 from .found import Found, to_floats, white_of
 from .how import How
+from .pictures import is_hidden
 from .stored import shapes_of
 from .voxelise import normalised, triangles_of, voxelise
 
@@ -47,13 +48,18 @@ def find_volumes(
     """
     path, selector = split_selector(path)
     if path.is_dir():
-        below = [file for file in paths_below(path) if file.suffix.lower() in SUFFIXES and file.is_file()]
-        files = [file for file in below if not file.name.startswith(".")]
+        files = shape_files(path)
     elif path.suffix.lower() in SUFFIXES:
         files = [path]
     else:
         return _read_archive(path, selector, size, up_axis, classes, split)
     return _read_files(path, files, size, up_axis or "y", strict)
+
+
+def shape_files(folder: Path) -> list[Path]:
+    """Return the shapes in a folder and below it, those that are hidden left out, sorted."""
+    below = [file for file in paths_below(folder) if file.suffix.lower() in SUFFIXES and file.is_file()]
+    return [file for file in below if not is_hidden(file, folder)]
 
 
 def split_selector(path: Path) -> tuple[Path, str]:

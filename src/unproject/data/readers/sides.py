@@ -18,7 +18,7 @@ from .arrays import PICTURES, VOLUMES
 from .lines import LINES, SINOGRAMS
 from .paths import holds_shapes
 from .pictures import SUFFIXES, picture_files
-from .shapes import is_shape_archive, split_selector
+from .shapes import is_shape_archive, shape_files, split_selector
 from .stored import StoredArrays, header_of
 
 PACK = ("names", "skipped", "side")
@@ -64,7 +64,7 @@ def picture_count(path: str | os.PathLike[str]) -> int | None:
 
 def _of_folder(path: Path) -> int | None:
     if holds_shapes(path):
-        return _median(sorted(path.rglob("*.binvox")), _of_binvox)
+        return _median([file for file in shape_files(path) if file.suffix.lower() == ".binvox"], _of_binvox)
     return _median(picture_files(path), _of_picture)
 
 
@@ -103,9 +103,9 @@ def _of_file(path: Path) -> int | None:
     check_regular(path)
     if path.suffix.lower() == ".binvox":
         return _of_binvox(path)
-    if path.suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         return _of_npz(path)
-    if path.suffix == ".npy":
+    if path.suffix.lower() == ".npy":
         with path.open("rb") as stream:
             return _of_shape(header_of(stream)[0])
     return None if path.suffix.lower() in SUFFIXES else _of_shape(_idx_shape(path))
@@ -113,7 +113,7 @@ def _of_file(path: Path) -> int | None:
 
 def _columns_of_pack(path: Path) -> dict[str, np.ndarray] | None:
     """Return what a pack says of its files; None of what is no pack."""
-    if path.suffix != ".npz" or not path.is_file() or not zipfile.is_zipfile(path):
+    if path.suffix.lower() != ".npz" or not path.is_file() or not zipfile.is_zipfile(path):
         return None
     arrays = StoredArrays(path)
     return {key: arrays[key] for key in PACK} if {*PACK} <= {*arrays} else None
