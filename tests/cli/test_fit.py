@@ -220,3 +220,14 @@ def test_angles_are_degrees_and_draws_are_no_views() -> None:
     theta = {"view": torch.full((1, 1), math.pi), "perspective": torch.full((1, 1), 0.25), "jitter": torch.ones(1, 1)}
     found = SimpleNamespace(theta=theta)
     assert view_of(found, 0, 0) == {"view": 180.0, "perspective": 0.2}  # pyright: ignore[reportArgumentType]
+
+
+def test_lines_about_another_center_are_read_as_training_did(tmp_path: Path) -> None:
+    """And of two panels with the same directions the first is meant: the other is of pictures whose views are known."""
+    rng, run, scan = np.random.default_rng(0), tmp_path / "run", tmp_path / "scan.npz"
+    np.savez(scan, sinograms=rng.random((12, 16, 3)) / 2, angle=np.array([0.0, 1.0, 2.0]))
+    flags = ["--center", "8", "--views", "predicted", "--bins", "3", "--channels", "16"]
+    flags += ["--batch", "4", "--steps", "2", "--quiet"]
+    assert main(["train", "digits", "--data", str(scan), "--anchors", str(scan), *flags, "--out", str(run)]) == 0
+    assert fit(run, scan, "--out", tmp_path / "fits", "--no-novelty") == 0
+    assert len(entries(tmp_path / "fits")) == 12

@@ -12,7 +12,7 @@ from unproject import UserError
 from unproject.inversion import Fitter, LatentSpace, Search, Viewing
 from unproject.inversion.fitter import Pictures, State
 from unproject.networks import Generator, LowRankGenerator
-from unproject.projections import LineIntegral, Observation, Silhouette, Uniform, azimuth_bins, directions
+from unproject.projections import LineIntegral, Observation, Product, Silhouette, Uniform, azimuth_bins, directions
 
 SIDE, BINS = 16, 16
 
@@ -207,3 +207,18 @@ def test_pictures_of_another_size_and_settings_out_of_range_are_refused() -> Non
     for wrong in ({"starts": 9, "candidates": 8}, {"steps": -1}, {"rate": 0.0}, {"prior": math.nan}):
         with pytest.raises(UserError):
             Search(**wrong)  # type: ignore[arg-type]
+
+
+def test_a_known_latent_outside_of_all_bins_leaves_the_others_known() -> None:
+    level = Viewing.of(azimuth_bins(8, Silhouette(size=16)))
+    known = {"azimuth": torch.tensor([math.pi / 2, math.pi / 2]), "elevation": torch.tensor([0.0, 0.2])}
+    possible = level.possible(known, 2)
+    assert possible.sum(1).tolist() == [1, 1] and possible.int().argmax(1).tolist() == [2, 2]
+
+
+def test_one_projection_has_no_variance() -> None:
+    one = Viewing.of(
+        [Observation("only", Silhouette(size=16), Product(*(Uniform(a, 0, 0) for a in ("azimuth", "elevation"))))]
+    )
+    with pytest.raises(UserError, match="candidates=1: give at least 2"):
+        Fitter(Seats(), one, Search(candidates=1, starts=1)).fit(torch.zeros(1, 1, 16, 16))

@@ -93,3 +93,11 @@ def test_a_trial_of_what_is_far_too_large_is_short(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 2)
     recipe = shapes(size=64, views_per_shape=1, steps=2)
     assert estimate(recipe, CPU).memory > 2**24
+
+
+def test_all_updates_of_discriminators_count_where_a_trial_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 2 * 10**5)
+    monkeypatch.setattr(Trial, "measured", lambda self, *_: setattr(self, "full", True) or (10**5, 1.0))
+    recipe = toy(views="known", batch=8)
+    once, thrice = (estimate(recipe.replace(discriminator_steps=n), CPU).seconds for n in (1, 3))
+    assert thrice == 3 * once

@@ -9,9 +9,14 @@ from collections.abc import Callable
 import pytest
 import torch
 from torch import Tensor, nn
+from toy import toy
 
 from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.adversarial import R1R2
+from unproject.networks import DCGANDiscriminator
 from unproject.training import shared_statistics
+from unproject.training.state import State
 
 
 class Processes:
@@ -70,3 +75,55 @@ def test_parts_are_normalised_as_the_whole_is(
 def test_one_process_keeps_what_torch_does() -> None:
     module = nn.Sequential(nn.BatchNorm2d(3))
     assert type(shared_statistics.share_statistics(module)[0]) is nn.BatchNorm2d
+
+
+@pytest.fixture
+def two(monkeypatch: pytest.MonkeyPatch) -> Processes:
+    """Two processes."""
+    processes = Processes(2)
+    monkeypatch.setattr(shared_statistics.dist, "all_reduce", processes.all_reduce)
+    monkeypatch.setattr(shared_statistics.dist, "is_initialized", lambda: True)
+    monkeypatch.setattr(shared_statistics.dist, "get_world_size", lambda: 2)
+    return processes
+
+
+def test_statistics_of_half_precision_are_single(two: Processes) -> None:
+    """Numbers around 100 whose deviation is 1: of bfloat16's squares nothing would be left."""
+    whole = nn.BatchNorm2d(5)
+    parts = [shared_statistics.share_statistics(copy.deepcopy(whole)) for _ in range(2)]
+    x = (100 + torch.randn(64, 5, 3, 4, generator=generator_at(0))).bfloat16()
+    halves = [half.clone().requires_grad_() for half in x.chunk(2)]
+    found: dict[int, Tensor] = {}
+
+    def work(rank: int) -> None:
+        with torch.autocast("cpu", torch.bfloat16):
+            found[rank] = parts[rank](halves[rank])
+        found[rank].float().square().mean().backward()
+
+    two.run(work)
+    assert {y.dtype for y in found.values()} == {torch.bfloat16} == {half.grad.dtype for half in halves}  # type: ignore[union-attr]
+    torch.testing.assert_close(torch.cat([found[0], found[1]]).float(), whole(x.float()), atol=0.03, rtol=0.01)
+    torch.testing.assert_close(parts[0].running_var, whole.running_var, rtol=1e-3, atol=0)
+
+
+def test_nothing_is_differentiated_through_twice(two: Processes) -> None:
+    """A gradient penalty would be wrong without a word."""
+    part = shared_statistics.share_statistics(nn.BatchNorm1d(3))
+    x, said = torch.randn(4, 3, requires_grad=True), []
+
+    def work(rank: int) -> None:
+        (g,) = torch.autograd.grad(part(x).square().sum(), x, create_graph=True)
+        try:
+            g.square().sum().backward()
+        except RuntimeError as error:
+            said.append(str(error))
+
+    two.run(work)
+    assert len(said) == 2 and all("once_differentiable" in one for one in said)
+
+
+def test_a_penalty_of_a_discriminator_with_shared_statistics_is_refused(two: Processes) -> None:
+    recipe = toy(steps=1).replace(discriminator=DCGANDiscriminator, normalise_over="processes", penalty=R1R2())
+    with pytest.raises(UserError, match="a gradient penalty cannot be differentiated through the batch normalisation"):
+        State(recipe, torch.device("cpu"))
+    State(recipe.replace(penalty=None), torch.device("cpu"))

@@ -217,3 +217,26 @@ def test_only_the_first_panels_heads_count(old: Path) -> None:
     recipe = toy(steps=1)
     _, noted = started(recipe.replace(panels=[only_panel(recipe), only_panel(recipe)]), old)
     assert [panel["discriminator"] for panel in noted["panels"]] == [True, False]
+
+
+def test_averaged_weights_that_were_taken_over_count_their_steps(old: Path) -> None:
+    """The average does not forget in ten steps what the other run averaged over."""
+    state, _ = started(toy(steps=4, starts=STARTS), old)
+    assert state.counters.averaged == 4
+    for averaged, left in ((0, 1e-3), (10**4, 0.95)):
+        state.counters.averaged = averaged
+        mean = next(iter(state.average.parameters()))
+        mean.data.fill_(1.0)
+        next(iter(state.generator.parameters())).data.zero_()
+        for step in range(1, 11):
+            state.counters.step = step
+            state.update_average(300.0)
+        assert abs(mean.mean().item() - left) < 0.03 * left + 1e-3
+
+
+def test_checkpoints_from_before_the_count_are_read(old: Path) -> None:
+    tensors = {**final(old), "counters/seconds": torch.zeros(())}
+    del tensors["counters/averaged"]
+    state = State(toy(steps=4, seed=5, starts=STARTS), CPU)
+    state.load(tensors)
+    assert state.counters.averaged == 0 and state.counters.step == 4

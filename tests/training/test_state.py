@@ -139,3 +139,12 @@ def test_only_the_leading_process_writes_or_speaks(tmp_path: Path, capsys: pytes
         recorder.say("hello")
         recorder.subtask("predictor", 3)(3, 0.1)
     assert list(tmp_path.iterdir()) == [] and capsys.readouterr().err == ""
+
+
+def test_loading_draws_from_no_source_of_the_users() -> None:
+    state = State(toy(steps=2), torch.device("cpu"))
+    tensors = state.tensors()
+    torch.manual_seed(0)
+    before = torch.get_rng_state()
+    state.load(tensors)
+    assert torch.equal(torch.get_rng_state(), before)

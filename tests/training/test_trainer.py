@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 import torch
@@ -354,3 +356,17 @@ def test_without_an_average_the_run_holds_the_generator(tmp_path: Path) -> None:
     tensors = final(trained(tmp_path, ema_half_life=0.0, views="known"))
     weights = {name.removeprefix("generator/") for name in tensors if name.startswith("generator/")}
     assert all(torch.equal(tensors[f"average/{name}"], tensors[f"generator/{name}"]) for name in weights)
+
+
+@pytest.mark.parametrize("wrong", [{"precision": "bf16"}, {"normalise_over": "batch"}])
+def test_a_misspelt_choice_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(UserError, match=f"{next(iter(wrong))}='.*': choose from"):
+        toy(steps=1).replace(**wrong)
+
+
+def test_all_processes_draw_the_rows_of_one_clock() -> None:
+    """Each has its own; the mean over them says how many steps are left."""
+    fake = MagicMock(recipe=toy(steps=1).replace(steps=None, minutes=1.0, batch=4))
+    fake.state.counters = SimpleNamespace(step=10, seconds=29.0)
+    fake.distribution = SimpleNamespace(world=2, average=lambda seconds: 30.0)
+    assert TrainingContext(fake, 0.5, 0).draws(1.0, 1) == range(80, 160)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from unproject.domains import Domain
 from unproject.projections.observation import Observation
 from unproject.training import Tries, resume, train, trainer
 from unproject.training.health import check
+from unproject.training.recorder import Recorder
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
 
@@ -88,7 +90,7 @@ def test_losses_begin_anew_and_count_the_budget_from_there() -> None:
     panel.gradient_norm = 3.0
     state.keep(1.0)
     state.begin_again(1, 0.06)
-    assert strength(0.07) == 0.05 and panel.gradient_norm == 1.0
+    assert strength(0.07) == 0.05 and panel.gradient_norm == 0
     state.take_kept(0.12)
     assert strength(0.14) == 0.2 and panel.gradient_norm == 3.0
 
@@ -149,3 +151,25 @@ def test_a_new_try_has_time_to_vary() -> None:
 def test_tries_that_cannot_be_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(UserError, match="at least one try"):
         Tries(**wrong)
+
+
+def test_losses_of_new_networks_are_balanced_by_norms_of_their_own(tmp_path: Path) -> None:
+    """They are measured at the first step of a try and after a restart, whatever the period."""
+    panels = toy(views="known").panels
+    recipe = toy(views="known", steps=9).replace(panels=[*panels, replace(panels[0], weight=0.5)], balance_every=1000)
+    with Recorder(tmp_path, quiet=True) as recorder:
+        trainer = Trainer(recipe, tmp_path, recorder)
+
+        def stepped() -> list[float]:
+            trainer.step()
+            return [panel.gradient_norm for panel in trainer.state.panels]
+
+        first = stepped()
+        assert stepped() == first and min(first) > 0
+        trainer.state.begin_again(1, 0.2)
+        trainer.forward = trainer.state.generator
+        second = stepped()
+        assert min(second) > 0 and second != first
+        trainer.restart()
+        third = stepped()
+        assert min(third) > 0 and third != second

@@ -105,7 +105,7 @@ class MatchingState(nn.Module):
         self.register_buffer("first", torch.zeros_like(self.centre))
         self.register_buffer("second", torch.zeros_like(self.centre))
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))
-        self.register_buffer("norm", torch.ones((), dtype=torch.float64))
+        self.register_buffer("norm", torch.zeros((), dtype=torch.float64))
 
     def weight_at(self, progress: float) -> float:
         """Return the weight of an update that has this loss when `progress` of the budget is spent."""
@@ -118,7 +118,7 @@ class MatchingState(nn.Module):
 
     @property
     def gradient_norm(self) -> float:
-        """The norm of the gradient of this loss, by which it is divided."""
+        """The norm of the gradient of this loss, by which it is divided; 0 until it is measured."""
         return self.norm.item()
 
     @gradient_norm.setter

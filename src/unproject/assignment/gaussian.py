@@ -104,7 +104,7 @@ class GaussianInitialiser:
 
 
 class Gaussian(NamedTuple):
-    """N(mean (P,), covariance (P, P)) of the blobs' weights, and the variance of the readings' noise."""
+    """N(mean (P,), covariance (P, P)) of the blobs' weights, and the deviation of the readings' noise."""
 
     mean: Tensor
     covariance: Tensor

@@ -52,9 +52,9 @@ class PredictingState(AssignmentState):
 
     def _predicted(self, run: Context, rows: Tensor | None) -> Tensor:
         """Return the probabilities of these rows, then of those held out: of many, each process predicts a part."""
+        run.synchronise(self.predictor.state_dict().values())  # each process has moving statistics of its own
         if rows is None:
             return self._probabilities()
-        run.synchronise(self.predictor.state_dict().values())
         fit, predictor = self.settings.fit, self.predictor
         p = run.shared(rows, lambda some: fit.probabilities(predictor, _batches(self.panel.collections[0], some)))
         return torch.cat([p, *(fit.probabilities(predictor, _batches(part)) for part in self._held_out())])

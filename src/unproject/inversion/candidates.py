@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from .._random import generator_at
+from .._types import UserError
 from ..networks import Generator
 from .latent_space import LatentSpace
 from .viewing import Latents, Viewing
@@ -71,7 +72,13 @@ class Candidates:
 
     @cached_property
     def variance(self) -> float:
-        """σ², the mean variance of a pixel among the projections."""
+        """σ², the mean variance of a pixel among the projections.
+
+        Raises:
+            UserError: if there is but one.
+        """
+        if self.count * len(self.viewing.priors) < 2:
+            raise UserError(f"candidates={self.count}: give at least 2 where there is one view")
         return max(self.projections.flatten(0, 1).var(0).mean().item(), LEAST)
 
     def synthesise(self, v: Tensor) -> Tensor:

@@ -58,14 +58,16 @@ class Viewing:
     def possible(self, known: Latents, count: int) -> Tensor:
         """Return (count, K), whether each picture can be of each bin, by what is known of its latents.
 
-        One whose latents lie in no bin can be of any, since gaps between bins are no reason to refuse it.
+        A latent that lies in no bin says nothing, since gaps between bins are no reason to refuse a picture.
         """
         inside = torch.ones(count, len(self.priors), dtype=torch.bool)
-        for k, prior in enumerate(self.priors):
-            factors: Sequence[Prior] = getattr(prior, "factors", (prior,))
-            for factor in factors:
-                if set(factor.names) <= set(known):
-                    inside[:, k] &= factor.contains(known)
+        factors: list[Sequence[Prior]] = [getattr(prior, "factors", (prior,)) for prior in self.priors]
+        for name in known:
+            found = torch.ones_like(inside)
+            for k, factor in ((k, factor) for k, some in enumerate(factors) for factor in some):
+                if name in factor.names and set(factor.names) <= set(known):
+                    found[:, k] &= factor.contains(known)
+            inside &= found | ~found.any(1, keepdim=True)
         return inside | ~inside.any(1, keepdim=True)
 
     def draw(self, bins: Tensor, known: Latents, rng: torch.Generator) -> dict[str, Tensor]:

@@ -34,7 +34,7 @@ class Term(NamedTuple):
 
 
 def balanced_loss(state: State, terms: Sequence[Term], measure_on: Distribution | None) -> tuple[Tensor, Tensor]:
-    """Return (Σ w_i L_i, Σ w_i / g_i L_i); the first is detached, for the log.
+    """Return (Σ w_i L_i, Σ w_i / g_i L_i); the first is detached, for the log. Norms never measured count as 1.
 
     Args:
         measure_on: if given, the norms g_i are measured first, and averaged over its processes.
@@ -45,16 +45,15 @@ def balanced_loss(state: State, terms: Sequence[Term], measure_on: Distribution 
     balanced = total
     for weight, loss, owner in terms:
         total = total + weight * loss.detach()
-        balanced = balanced + weight / owner.gradient_norm * loss
+        balanced = balanced + weight / (owner.gradient_norm or 1.0) * loss
     return total, balanced
 
 
 def measure_gradient_norms(state: State, terms: Sequence[Term], distribution: Distribution) -> None:
-    """Move each `gradient_norm` halfway, geometrically, to the norm of its term's gradient."""
+    """Move each `gradient_norm` halfway, geometrically, to the norm of its term's gradient; the first time whole."""
     parameters = [p for p in state.generator.parameters() if p.requires_grad]
     for _, loss, owner in terms:
         gradients = torch.autograd.grad(loss, parameters, retain_graph=True, allow_unused=True)
         norm = torch.stack([g.float().square().sum() for g in gradients if g is not None]).sum().sqrt()
         found = max(distribution.average(norm.item()), 1e-12)
-        first = state.counters.step == 0
-        owner.gradient_norm = found if first else (owner.gradient_norm * found) ** 0.5
+        owner.gradient_norm = (owner.gradient_norm * found) ** 0.5 if owner.gradient_norm else found

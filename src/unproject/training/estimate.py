@@ -111,7 +111,7 @@ def estimate(recipe: Recipe, device: torch.device) -> Estimate:
     few, seconds = trial.measured(trial.step, FEW)
     fixed = MODULES + 4 * trial.weights
     if trial.full:
-        return Estimate(fixed + few * samples // FEW, seconds * samples / FEW)
+        return Estimate(fixed + few * samples // FEW, seconds * recipe.discriminator_steps * samples / FEW)
     more, seconds = trial.measured(trial.step, MORE)
     step = few + max(more - few, 0) * (samples - FEW) // (MORE - FEW)
     if seconds * samples > 10:  # counting takes time

@@ -15,6 +15,7 @@ from ..domains import Domain
 from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
 from ..projections.standardised import Standardised
+from .fitting import of_different_kinds
 
 LEAST = 6
 """Images that a panel's projections are compared with, at least."""
@@ -38,7 +39,7 @@ def sample_scores(
     reference = domain.comparable(reference, x)
     if reference.shape[1:] == x.shape[1:]:
         return domain.scores(x, reference, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
-    fitting = [state for state in assignments if state.panel.shape == tuple(reference.shape[1:])]
+    fitting = [state for state in of_different_kinds(assignments) if state.panel.shape == tuple(reference.shape[1:])]
     if not fitting:
         shapes = ", ".join(str(tuple(shape)) for shape in (x.shape[1:], *(state.panel.shape for state in assignments)))
         raise UserError(

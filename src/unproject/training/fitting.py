@@ -22,12 +22,23 @@ def state_of(states: Sequence[AssignmentState], observation: str | None) -> Assi
     Raises:
         UserError: if there is no such observation, or there are several panels and no name is given.
     """
+    states = of_different_kinds(states)
     names = [o.name for state in states for o in state.panel.observations]
     if observation is None and len(states) > 1:
         raise UserError(f"the run has several kinds of pictures; say which this is, one of {', '.join(names)}")
     if observation is not None and observation not in names:
         raise UserError(f"the run has no observation {observation!r}; it has {', '.join(names)}")
     return next(s for s in states if observation is None or observation in [o.name for o in s.panel.observations])
+
+
+def of_different_kinds(states: Sequence[AssignmentState]) -> list[AssignmentState]:
+    """Return the panels but for those whose observations an earlier one has: of pictures whose views are known too."""
+    kept: list[AssignmentState] = []
+    for state in states:
+        names = {o.name for o in state.panel.observations}
+        if not any(names <= {o.name for o in earlier.panel.observations} for earlier in kept):
+            kept.append(state)
+    return kept
 
 
 def viewing_of(state: AssignmentState, observation: str | None = None) -> Viewing:

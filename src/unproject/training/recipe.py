@@ -162,6 +162,9 @@ class Recipe:
         object.__setattr__(self, "panels", tuple(self.panels))
         if not self.panels:
             raise UserError("the recipe has no panels: give at least one Panel(observations, data)")
+        for name, choices in (("precision", ("float32", "bfloat16")), ("normalise_over", (None, "processes"))):
+            if getattr(self, name) not in choices:
+                raise UserError(f"{name}={getattr(self, name)!r}: choose from {', '.join(map(str, choices))}")
         for name in ("batch", "views_per_sample", "discriminator_steps", "checkpoint_every"):
             if getattr(self, name) < 1:
                 raise UserError(f"{name}={getattr(self, name)}: must be at least 1")

@@ -10,7 +10,10 @@ from .trainer import Trainer
 
 
 def roll_back(trainer: Trainer, trouble: Diverged) -> None:
-    """Return to the last checkpoint with half the learning rate; raise `trouble` the second time."""
+    """Return to the last checkpoint with half the learning rate; raise `trouble` the second time.
+
+    The rate is that of generator and discriminators; what assignments learn keeps its own.
+    """
     checkpoints = checkpoint.list_checkpoints(trainer.out / "checkpoints")
     counters = trainer.state.counters
     if counters.rollbacks or not checkpoints:

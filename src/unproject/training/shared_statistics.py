@@ -4,7 +4,8 @@ With x̂ = (x - μ) / σ, the means μ and E over all elements of a channel in a
 
     y = w x̂ + c,    ∂L/∂x = (g - E[g] - x̂ E[g x̂]) / σ
 
-Each direction takes one sum over the processes. What torch calls SyncBatchNorm is for CUDA alone.
+Each direction takes one sum over the processes; means are taken in single precision at least. Nothing can be
+differentiated through twice. What torch calls SyncBatchNorm is for CUDA alone.
 
 References:
     Ioffe & Szegedy 2015, Batch Normalization.
@@ -18,6 +19,7 @@ import torch
 import torch.distributed as dist
 import torch.nn.functional as F
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 from torch.nn.modules.batchnorm import _BatchNorm
 
 
@@ -26,7 +28,7 @@ class SharedNorm(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, eps: float) -> tuple[Tensor, Tensor, Tensor]:
-        variance, mean = torch.var_mean(x, axes_of(x), correction=0)
+        variance, mean = torch.var_mean(widened(x), axes_of(x), correction=0)
         mean, square = mean_over_processes(torch.stack([mean, variance + mean.square()]))
         variance = (square - mean.square()).clamp_min(0.0)
         y = F.batch_norm(x, mean, variance, eps=eps)
@@ -35,12 +37,20 @@ class SharedNorm(torch.autograd.Function):
         return y, mean, variance
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        (y, scale), g = ctx.saved_tensors, gradients[0]
+        (y, scale), g = ctx.saved_tensors, widened(gradients[0])
+        y = widened(y)
         axes, shape = axes_of(g), (1, -1, *[1] * (g.dim() - 2))
         means = mean_over_processes(torch.stack([g.mean(axes), (g * y).mean(axes)]))
         of_g, of_product = (value.view(shape) for value in means)
-        return (g - of_g).addcmul_(y, of_product, value=-1).mul_(scale.view(shape)), None
+        found = (g - of_g).addcmul_(y, of_product, value=-1).mul_(scale.view(shape))
+        return found.to(gradients[0].dtype), None
+
+
+def widened(x: Tensor) -> Tensor:
+    """Return x in single precision if it is in half of it."""
+    return x.to(torch.promote_types(x.dtype, torch.float32))
 
 
 def axes_of(x: Tensor) -> list[int]:
@@ -65,6 +75,11 @@ def share_statistics(module: nn.Module) -> nn.Module:
     return module
 
 
+def shares_statistics(module: nn.Module) -> bool:
+    """Whether a module takes any statistics over all processes."""
+    return any(isinstance(part, SharedStatistics) for part in module.modules())
+
+
 class SharedStatistics(_BatchNorm):
     """A batch normalisation whose statistics in training are those of all processes."""
 
@@ -76,7 +91,7 @@ class SharedStatistics(_BatchNorm):
         if self.weight is None:
             return y
         shape = (1, -1, *[1] * (input.dim() - 2))
-        return torch.addcmul(self.bias.view(shape), y, self.weight.view(shape))
+        return torch.addcmul(self.bias.view(shape), widened(y), self.weight.view(shape)).to(input.dtype)
 
     @torch.no_grad()
     def _remember(self, mean: Tensor, variance: Tensor, count: int) -> None:

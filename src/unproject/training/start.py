@@ -42,6 +42,7 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
         )
     state.generator.load_state_dict(stripped(tensors, "generator"))
     state.average.load_state_dict(stripped(tensors, "average"))
+    state.counters.averaged = checkpoint.step_of(newest)
     if state.recipe.tries is not None:  # others would begin from new weights
         state.counters.tried = state.recipe.tries.count
     return {

@@ -20,9 +20,10 @@ from ..assignment import AssignmentState, Panel
 from ..data.sampling import batch_rows, spread_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
+from .counters import COUNTERS, Counters
 from .optimisers import load_optimiser, optimiser_of, optimiser_tensors
 from .recipe import Recipe
-from .shared_statistics import share_statistics
+from .shared_statistics import share_statistics, shares_statistics
 
 LEVEL = math.radians(6)
 """Cameras count as level if the mean and the spread of their elevation are less together."""
@@ -31,45 +32,29 @@ KEPT = "kept/"
 
 
 @dataclass
-class Counters:
-    """The numbers of a state.
-
-    `rollbacks` counts returns to a checkpoint, `collapsed` the checks in a row that found all samples alike, `lines`
-    the lines of stats.jsonl; `rate_scale` is a factor of all learning rates. `tried` counts the tries that have ended,
-    `best_merit` is the merit of the best of them and `best_start` its number; the present state began as the try of
-    number `start`, its networks at the step `began`.
-    """
-
-    step: int = 0
-    rollbacks: int = 0
-    collapsed: int = 0
-    lines: int = 0
-    seconds: float = 0.0
-    rate_scale: float = 1.0
-    tried: int = 0
-    start: int = 0
-    began: int = 0
-    best_start: int = 0
-    best_merit: float = 0.0
-
-
-@dataclass
 class PanelState:
-    """A panel in training: discriminator, assignment, augmentation, and its loss's gradient norm (see `balancing`)."""
+    """A panel in training: discriminator, assignment, augmentation, and its loss's gradient norm (see `balancing`).
+
+    `gradient_norm` is 0 until it is measured.
+    """
 
     panel: Panel
     discriminator: nn.Module
     assignment: AssignmentState
     augmentation: AugmentationState | None = None
     matching: MatchingState | None = None
-    gradient_norm: float = 1.0
+    gradient_norm: float = 0.0
 
     def begin_losses(self, recipe: Recipe, device: torch.device) -> PanelState:
         """Begin what the losses remember: the augmentation, moving means, the gradient's norm; return the state."""
         self.augmentation = recipe.augmentation and recipe.augmentation.begin()
-        self.matching = recipe.matching and recipe.matching.begin(some_images(self.panel)).to(device)
-        self.gradient_norm = 1.0
+        self.begin_generated(recipe, device)
         return self
+
+    def begin_generated(self, recipe: Recipe, device: torch.device) -> None:
+        """Begin what is remembered of generated images."""
+        self.matching = recipe.matching and recipe.matching.begin(some_images(self.panel)).to(device)
+        self.gradient_norm = 0.0
 
     @property
     def penalty_scale(self) -> float:
@@ -123,6 +108,11 @@ class State:
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
         if recipe.normalise_over == "processes":
             share_statistics(self.discriminators)
+            if recipe.penalty is not None and shares_statistics(self.discriminators):
+                raise UserError(
+                    "normalise_over='processes': a gradient penalty cannot be differentiated through the batch "
+                    "normalisation of the discriminator; leave out one of the two"
+                )
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = optimiser_of(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = optimiser_of(self.discriminators, recipe.discriminator_optimiser)
@@ -133,12 +123,13 @@ class State:
             self._build_networks(self.recipe)
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
+            panel.begin_generated(self.recipe, self.device)
         self.counters.began, self.counters.collapsed = self.counters.step, 0
 
     def keep(self, merit: float) -> None:
         """Keep the state as it is now, but for the counters."""
         self.counters.best_merit, self.counters.best_start = merit, self.counters.start
-        self.kept = {name: value for name, value in self.tensors().items() if not name.startswith(("counters/", KEPT))}
+        self.kept = {name: value for name, value in self.tensors().items() if not name.startswith((COUNTERS, KEPT))}
 
     def begin_again(self, number: int, progress: float) -> None:
         """Begin a try at `progress` of the budget: from new weights, new assignments and new losses."""
@@ -169,17 +160,16 @@ class State:
     def take_kept(self, progress: float) -> None:
         """Return, at `progress` of the budget, to the state that was kept, but for the counters."""
         self.counters.start = self.counters.best_start
-        counters = {name: value for name, value in self.tensors().items() if name.startswith("counters/")}
-        self.load({**self.kept, **counters})
+        self.load({**self.kept, **self.counters.tensors()})
         self.kept = {}
         self._go_on_from(progress)
 
     def update_average(self, half_life: float) -> None:
         """Move the averaged weights towards the generator's.
 
-        Early on the half-life is a tenth of the step; a half-life of 0 copies the weights.
+        Early on the half-life is a tenth of the steps that are in them; a half-life of 0 copies the weights.
         """
-        half_life = min(half_life, max(self.counters.step / 10, 1.0))
+        half_life = min(half_life, max((self.counters.averaged + self.counters.step) / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
             mean: list[Tensor] = list(self.average.parameters())
@@ -222,9 +212,10 @@ class State:
             named |= {f"{prefix}/{k}": v for k, v in optimiser_tensors(optimiser).items()}
         for i, panel in enumerate(self.panels):
             named[f"panels/{i}/gradient_norm"] = torch.tensor(panel.gradient_norm, dtype=torch.float64)
-        counters = {f"counters/{k}": torch.tensor(v, dtype=torch.float64) for k, v in vars(self.counters).items()}
         kept = {f"{KEPT}{k}": v for k, v in self.kept.items()}
-        return {k: v.detach().cpu().contiguous().clone() for k, v in {**named, **counters, **kept}.items()}
+        return {
+            k: v.detach().cpu().contiguous().clone() for k, v in {**named, **self.counters.tensors(), **kept}.items()
+        }
 
     def load(self, tensors: dict[str, Tensor]) -> None:
         """Take over stored tensors. Raises UserError if they are not those of this recipe."""
@@ -234,9 +225,9 @@ class State:
             raise UserError(f"the checkpoint has no {error}; resume with the version that wrote it") from error
 
     def _load(self, tensors: dict[str, Tensor]) -> None:
-        for name, value in vars(self.counters).items():
-            setattr(self.counters, name, type(value)(_counter(name, tensors[f"counters/{name}"])))
-        self._begin_assignments(self.counters.start)
+        self.counters.load(tensors)
+        with seeded(self._seed_of(self.counters.start), "weights"):
+            self._begin_assignments(self.counters.start)
         for prefix, module in self.modules():
             load_module(module, tensors, prefix)
         for prefix, optimiser in self.optimisers():  # an assignment says which it has once its module is loaded
@@ -244,14 +235,6 @@ class State:
         for i, panel in enumerate(self.panels):
             panel.gradient_norm = tensors[f"panels/{i}/gradient_norm"].item()
         self.kept = {k.removeprefix(KEPT): v for k, v in tensors.items() if k.startswith(KEPT)}
-
-
-def _counter(name: str, value: Tensor) -> float:
-    """Return a number of the state. Raises UserError for one that nothing can have counted."""
-    number = value.item() if value.numel() == 1 else math.nan
-    if not (math.isfinite(number) and (name == "best_merit" or 0 <= number < 2**53)):
-        raise UserError(f"the checkpoint's {name} is {number:g}; resume from the checkpoint before it")
-    return number
 
 
 def keep_hull_if_level(generator: Generator, tensors: Mapping[str, Tensor]) -> None:

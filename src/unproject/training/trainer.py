@@ -175,7 +175,9 @@ class Trainer:
                 terms.append(
                     Term(weight * matching.weight_at(progress), matching(batch.seen, self.distribution.mean), matching)
                 )
-        measure = recipe.balance_every > 0 and len(terms) > 1 and state.counters.step % recipe.balance_every == 0
+        due = recipe.balance_every > 0 and state.counters.step % recipe.balance_every == 0
+        unknown = recipe.balance_every > 0 and any(term.owner.gradient_norm == 0 for term in terms)
+        measure = len(terms) > 1 and (due or unknown)
         total, loss = balanced_loss(state, terms, self.distribution if measure else None)
         extra = recipe.regulariser(x, progress) if recipe.regulariser else 0.0
         for batch in batches:
@@ -223,7 +225,7 @@ class Trainer:
         return True
 
     def progress(self) -> float:
-        """Return the part of the budget spent, by the first process's clock, so that all processes agree."""
+        """Return the part of the budget spent, the mean over the processes, so that all agree."""
         seconds = time.monotonic() - self.began
         return self.distribution.average(self.recipe.progress(self.state.counters.step, seconds))
 

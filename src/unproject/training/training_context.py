@@ -48,9 +48,10 @@ class TrainingContext:
         self._trainer.distribution.copy_from_leader(tensors)
 
     def draws(self, until: float, steps: int) -> range:
-        recipe, counters = self._trainer.recipe, self._trainer.state.counters
-        steps = max(steps, recipe.steps_until(until, counters.step, counters.seconds))
-        each = recipe.batch * recipe.discriminator_steps * self._trainer.distribution.world
+        recipe, counters, distribution = self._trainer.recipe, self._trainer.state.counters, self._trainer.distribution
+        seconds = distribution.average(counters.seconds)  # clocks differ, and all processes must draw the same
+        steps = max(steps, recipe.steps_until(until, counters.step, seconds))
+        each = recipe.batch * recipe.discriminator_steps * distribution.world
         return range(counters.step * each, (counters.step + steps) * each)
 
     def rows(self, places: range) -> Tensor:
