@@ -3878,6 +3878,13 @@ PHOTOGRAPHED = (
         "training/test_seen.py::test_standardised_maps_are_shown_as_they_were",
     ),
     mutant(
+        "photographs: lamps overhead are as low as the others",
+        "recipes/material_panels.py",
+        '("overhead", 12)',
+        '("overhead", 60)',
+        "recipes/test_materials.py::test_the_angles_of_fixed_lamps_are_those_of_the_conventions",
+    ),
+    mutant(
         "photographs: floats beyond 1 pass for maps",
         "data/readers/photographs.py",
         "if name in MAPS and pixels.max() > 1 + OVERSHOOT:",

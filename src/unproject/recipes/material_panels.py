@@ -37,8 +37,13 @@ from ..training.estimate import require_memory_to_train
 Materials = Callable[..., Tensor]
 """(count, size, seed) → maps (count, 8, size, size) of a procedural data set, or 10 channels with `coloured=True`."""
 Views = Literal["known", "direct"]
-VIEWED_FROM = {"top": 0.0, "grazing": 80.0, **dict.fromkeys(("flash", "lamp", "raking", "coloured", "ambient"), 0.0)}
-VIEWED_FROM["daylight"] = 0.0
+LIT: dict[str, Lighting] = {
+    **dict.fromkeys(("flash", "lamp", "raking"), "directional"),
+    **dict.fromkeys(("coloured", "overhead"), "coloured"),
+    "ambient": "ambient",
+}
+"""Photograph → its light, of those that are neither natural nor unknown."""
+VIEWED_FROM = {"top": 0.0, "grazing": 80.0, **dict.fromkeys((*LIT, "daylight"), 0.0)}
 """Photograph → degrees of the camera from the normal."""
 MIRRORED = {
     **dict.fromkeys((*MAPS, "flash", "lamp", "ambient", "daylight", "itself"), ((3,), (2,), (2, 3))),
@@ -48,7 +53,7 @@ MIRRORED = {
 """Axes along which the image of an observation may be flipped: the result is an image of the mirrored material. Natural
 light has no mirror image, but may be turned by half a turn; daylight that nobody measured is as likely as its mirror
 image; cameras are within 5° of the normal."""
-LAMPS = {"raking": (math.radians(60), math.pi), "coloured": (math.radians(60), math.pi)}
+LAMPS = {name: (math.radians(theta), math.pi) for name, theta in (("raking", 60), ("coloured", 60), ("overhead", 12))}
 """Angles of fixed lamps from the normal, and around it, in radians."""
 NATURAL_LIGHT = {"top", "grazing"}
 UNKNOWN_LIGHT = {*NATURAL_LIGHT, "daylight"}
@@ -209,9 +214,7 @@ def observation_of(name: str, natural: Tensor | None, samples: int) -> Observati
         return Observation(name, Selection(name))
     if name not in VIEWED_FROM:
         raise UserError(f"observations: there is none called {name!r}; choose from {', '.join((*MAPS, *VIEWED_FROM))}")
-    lit: dict[str, Lighting] = {"coloured": "coloured", "ambient": "ambient"}
-    lit |= {"flash": "directional", "lamp": "directional", "raking": "directional"}
-    lighting = daylight_probes() if name == "daylight" else lit.get(name, natural)
+    lighting = daylight_probes() if name == "daylight" else LIT.get(name, natural)
     assert lighting is not None
     metered = "surface" if name == "daylight" else None
     rendering = Rendering(lighting, Reflection("albedo"), Sampling(samples), metered=metered)

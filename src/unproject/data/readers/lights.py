@@ -23,8 +23,8 @@ UNREAD = (".heic", ".heif", ".avif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".r
 """Of telephones and cameras, which no reader takes."""
 SAVE = "save it as .jpg, .png or .tif"
 ELSE = (
-    "flash, coloured, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural light that "
-    "you give by --probes)"
+    "flash, coloured, overhead, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural "
+    "light that you give by --probes)"
 )
 NAMED = 3
 """Sub-folders that a message names at most."""
@@ -45,6 +45,9 @@ KINDS = {
     "raking": Kind("one lamp at the left, 60° from the normal", "a little of the relief"),
     "coloured": Kind(
         "a red lamp at the left, a green and a blue one 120° and 240° on", "the relief and how maps go with it"
+    ),
+    "overhead": Kind(
+        "the same three lamps 12° from the normal, close to the camera", "how the gloss goes with the relief"
     ),
     "ambient": Kind("an overcast sky or a light tent", "how the gloss goes with the colours"),
     "daylight": Kind("daylight or light of a room that nobody measured", "the colours"),
