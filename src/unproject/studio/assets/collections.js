@@ -10,7 +10,8 @@ function collections(root, query) {
   const about = make("p.facts", "reading the pictures …"), panels = make("div.bar"), bars = make("div.views", { role: "group", "aria-label": "views" });
   const how = make("p.small"), table = downloadButton("Download views.csv", "/api/views.csv", () => ({ run: query.run, panel: at.panel }));
   const cells = make("div.cells.pictures"), pages = make("div.bar"), correction = make("section", { hidden: true }), saved = make("p.saved", { hidden: true, role: "status" }), skipped = make("section", { hidden: true });
-  root.append(title(query.run), about, panels, make("section", make("h2", "Views"), bars, saved), make("section", make("h2", "Pictures"), how, cells, make("div.bar", pages, table)), correction, skipped);
+  const views = make("section", make("h2", "Views"), bars, saved);
+  root.append(title(query.run), about, panels, views, make("section", make("h2", "Pictures"), how, cells, make("div.bar", pages, table)), correction, skipped);
   let found = null;
 
   async function collection() {
@@ -27,8 +28,9 @@ function collections(root, query) {
       if (found.correctable) takesPictures(button, k);
       return button;
     }));
-    const shares = found.known ? "" : "The percentage is how probable the predictor finds the view that a picture has; views are drawn by these probabilities, so that some are improbable.";
-    how.textContent = `The least sure first. ${shares} ${found.correctable ? "Drag one to its view above, or choose it, to correct it." : ""}`;
+    views.hidden = found.labels.length < 2;
+    const shares = found.known ? "" : "The least sure first. The percentage is how probable the predictor finds the view that a picture has; views are drawn by these probabilities, so that some are improbable.";
+    how.textContent = `${shares} ${found.correctable ? "Drag one to its view above, or choose it, to correct it." : ""}`;
     table.hidden = !found.correctable;
     skipped.hidden = !found.skipped.length;
     skipped.replaceChildren(make("h2", "Skipped"), make("table", ...found.skipped.map(([name, why]) => make("tr", make("td", name), make("td", why)))));
@@ -41,7 +43,7 @@ function collections(root, query) {
   async function pictures() {
     const part = await ask("/api/pictures", { run: query.run, panel: at.panel, view: at.view, page: at.page });
     cells.replaceChildren(...part.pictures.map((one) => {
-      const label = found.labels[one.view], sure = one.corrected ? "corrected" : one.sure === null ? "" : `${Math.round(100 * one.sure)} %`;
+      const label = views.hidden ? one.name : found.labels[one.view], sure = one.corrected ? "corrected" : one.sure === null ? "" : `${Math.round(100 * one.sure)} %`;
       const cell = make("button", { type: "button", title: one.name, disabled: !found.correctable }, make("img", { src: one.picture, alt: one.name }), make("span.small", `${label} ${sure}`));
       if (!one.corrected && one.sure !== null && one.sure < 0.5) cell.classList.add("unsure");
       cell.onclick = () => edit(one);
