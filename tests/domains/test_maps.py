@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -50,3 +51,12 @@ def test_every_format_of_a_domain_says_what_its_specular_map_means(
     files = {file.relative_to(tmp_path / "own"): file.read_bytes() for file in (tmp_path / "own").rglob("*.*")}
     same = {f: all((tmp_path / f / k).read_bytes() == v for k, v in files.items()) for f in ("albedo", "eta")}
     assert files and [fresnel for fresnel, equal in same.items() if equal] == [meant]
+
+
+def test_previews_shade_what_a_specular_map_means() -> None:
+    """Of an index of refraction k_s of 1 reflects 4 % as much."""
+    maps = wood(2, 16, 0)
+    maps[:, 3] = 1
+    dark, bright = (np.asarray(Maps(fresnel=meant).preview(maps)).astype(float) for meant in ("eta", "albedo"))
+    assert np.array_equal(dark[:, : 4 * 16], bright[:, : 4 * 16])
+    assert bright[:, 4 * 16 :].mean() > dark[:, 4 * 16 :].mean() + 40

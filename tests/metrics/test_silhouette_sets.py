@@ -56,7 +56,7 @@ def test_scores_by_hand():
     assert scores["cov_iou_silhouette"].value == 0.5
     assert scores["1nna_iou_silhouette"].value == 0.125
     assert scores["mmd_iou_silhouette"].protocol == (
-        "mmd(1-iou), silhouettes 4x4 at 0.5, 2 generated vs 2 held-out, views as given"
+        "mmd(1-iou), silhouettes 4x4 at 0.5, 2 generated vs 2 reference, views as given"
     )
 
 
@@ -71,7 +71,7 @@ def test_equal_and_shuffled_sets():
     one, other = (silhouette_scores(x, squares(12, 5)) for x in (pictures, pictures.flip(0)))
     for name in one:
         assert one[name].value == pytest.approx(other[name].value, abs=1e-9)
-    assert "12 generated vs 12 held-out" in one["kernel_silhouette"].protocol
+    assert "12 generated vs 12 reference" in one["kernel_silhouette"].protocol
 
 
 @pytest.mark.parametrize(

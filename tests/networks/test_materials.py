@@ -12,7 +12,7 @@ from unproject._types import UserError
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
 from unproject.networks.texture_noise import normal_noise, stretched, white_noise
 from unproject.ops.maps import MAPS, check_maps, places, unpack_maps
-from unproject.testing import check_generator
+from unproject.testing import check_generator, run_laws
 
 
 def made(kind: str, specular: int = 1) -> Generator:
@@ -250,3 +250,15 @@ def test_other_sizes_are_multiples(size: int) -> None:
 def test_noise_of_large_maps_is_normal_where_codes_are() -> None:
     x = normal_noise(torch.randn(4, 10, generator=generator_at(3)), 64, 2).double()
     assert abs(x.mean()) < 0.02 and abs(x.std() - 1) < 0.02 and abs((x**4).mean() - 3) < 0.2
+
+
+@pytest.mark.parametrize("kind", [DCGANMaterials, StationaryMaterials])
+@pytest.mark.parametrize("width", [{"channels": 0}, {"channels": -1}, {"code_size": 0}])
+def test_widths_below_one_are_refused(kind: type[Generator], width: dict[str, int]) -> None:
+    with pytest.raises(UserError, match=f"{next(iter(width))}=.*; give at least 1"):
+        kind(size=16, **width)
+
+
+@BOTH
+def test_unproject_check_knows_the_range_of_maps(kind: str) -> None:
+    assert [law.name for law in run_laws(made(kind)) if not law.passed] == []

@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import nn
 
+from unproject._types import UserError
 from unproject.networks import Discriminator, ViewPredictor
 
 
@@ -41,3 +42,9 @@ def test_images_are_scored_alone_in_evaluation_only() -> None:
     assert not torch.allclose(model(image)[:2], model(image[:2]), atol=1e-3)
     model.eval()
     torch.testing.assert_close(model(image)[:2], model(image[:2]))
+
+
+@pytest.mark.parametrize("shape", [(1, 8, 32), (1, 15)])
+def test_images_that_are_too_small_are_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(UserError, match="at least 16 a side"):
+        ViewPredictor(shape, bins=5)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -58,3 +61,16 @@ def test_differentiable_twice() -> None:
     for operator in (ray_samples, ray_sums):
         assert torch.autograd.gradcheck(lambda v, f=operator: f(v, rays), (x,))
         assert torch.autograd.gradgradcheck(lambda v, f=operator: f(v, rays).square(), (x,))
+
+
+@pytest.mark.parametrize("spoilt", ["azimuth", "viewport", "offset"])
+def test_a_view_that_has_broken_down_is_nan_there_and_back(spoilt: str) -> None:
+    """By the plain path, which GPUs take: an index that is none would end the process there."""
+    views = {"azimuth": torch.tensor([0.3, 0.3]), "viewport": torch.ones(2), "offset": torch.zeros(2)}
+    views[spoilt][1] = math.nan
+    volume = torch.rand(2, 4, 4, 4, requires_grad=True)
+    rays = PlaneRays(views["azimuth"], (4, 4), 4, views["viewport"], 4, 1.0, offset=views["offset"])
+    y = ray_samples(volume, rays)
+    assert y[1].isnan().all() and y[0].isfinite().all()
+    y.sum().backward()
+    assert volume.grad is not None and volume.grad[0].isfinite().all() and volume.grad[1].isnan().any()

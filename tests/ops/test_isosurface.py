@@ -124,3 +124,14 @@ def test_hidden_hollows_are_filled_and_open_ones_are_not():
 def test_mistakes_are_named(volume, level, says):
     with pytest.raises(UserError, match=says):
         isosurface(volume, level)
+
+
+@pytest.mark.parametrize("kind", [torch.bfloat16, torch.float64])
+def test_tensors_of_any_precision_with_a_gradient_or_none(kind: torch.dtype) -> None:
+    volume = torch.zeros(8, 8, 8, dtype=kind)
+    volume[2:6, 2:6, 2:6] = 1
+    expected = isosurface(volume.float().numpy())
+    for given in (volume, volume.requires_grad_()):
+        for found, wanted in zip(isosurface(given), expected, strict=True):
+            assert np.array_equal(found, wanted)
+        assert np.array_equal(without_cavities(given), without_floaters(given))

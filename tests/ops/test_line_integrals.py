@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 
 from unproject._random import generator_at
+from unproject._types import UserError
 from unproject.ops.line_integrals import strip_integrals, strip_integrals_native, strip_integrals_sparse
+from unproject.projections import LineIntegral
 
 ANGLES = torch.tensor([0, 0.02, 0.6, math.pi / 4, 1.2, math.pi / 2, 2.5, math.pi, 4.0, -0.3], dtype=torch.float64)
 FAST = pytest.mark.parametrize("integrals", [strip_integrals_sparse, strip_integrals_native])
@@ -135,3 +137,9 @@ def test_an_angle_that_is_none_gives_no_value_and_harms_no_other(integrals):  # 
     angle = torch.tensor([0.3, math.nan, 0.3])
     y = integrals(image, angle, 16)
     assert y[1].isnan().all() and y[0].isfinite().all() and y[2].isfinite().all()
+
+
+@pytest.mark.parametrize("size", [(0, 8), (8, 0)])
+def test_an_image_without_pixels_is_refused(size: tuple[int, int]) -> None:
+    with pytest.raises(UserError, match="has no pixel"):
+        LineIntegral()(torch.rand(1, 1, *size), angle=torch.zeros(1))

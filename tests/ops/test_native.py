@@ -65,3 +65,14 @@ def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch:
     _native._library.cache_clear()
     assert _native.kernel("line_integrals", "project_float") is None
     _native._library.cache_clear()
+
+
+def test_a_machine_without_a_home_has_no_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    _native._library.cache_clear()
+    assert _native.kernel("line_integrals", "project_float") is None
+    _native._library.cache_clear()

@@ -213,9 +213,43 @@ def test_files_are_made_once_and_never_half(tmp_path: Path) -> None:
 
     with pytest.raises(OSError):
         place.once("a.txt", fail)
-    assert not (tmp_path / "a.txt").exists()
+    assert not any(tmp_path.iterdir())
     path = place.once("a.txt", lambda p: None if p.write_text("whole") else None)
     assert place.once("a.txt", fail) == path and path.read_text() == "whole" and len(calls) == 1
+
+
+def test_what_is_made_of_other_data_is_another_file(tmp_path: Path) -> None:
+    folders = (None, tmp_path / "x", tmp_path / "y")
+    made = {data: Place(tmp_path, data, 16).once("a.npz", lambda p: p.touch()) for data in folders}
+    assert len({*made.values()}) == 3 and all(path.suffix == ".npz" and path.exists() for path in made.values())
+
+
+@pytest.mark.parametrize("content", ["text", "other arrays"])
+def test_a_damaged_collection_is_one_line(tmp_path: Path, content: str) -> None:
+    file = tmp_path / "shapes3d" / "cars_kenney_cc0_meshes.npz"
+    file.parent.mkdir()
+    file.write_text("no archive")
+    if content == "other arrays":
+        np.savez(file, verts=np.zeros(3))
+    with pytest.raises(UserError, match="cars_kenney_cc0_meshes.npz: "):
+        SOURCES["cars-meshes"].flags(Place(tmp_path, tmp_path, 16))
+
+
+def test_a_run_that_cannot_be_scored_stops_no_other(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scored = []
+
+    def score(arm: Arm, seed: int, settings: Settings) -> None:
+        if arm.name == "toy-known":
+            raise UserError("damaged")
+        scored.append(arm.name)
+
+    monkeypatch.setattr(running, "is_finished", lambda *_: True)
+    monkeypatch.setattr(running, "check_run", lambda *_: None)
+    monkeypatch.setattr(running, "score_run", score)
+    settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
+    with pytest.raises(UserError, match="^damaged$"):
+        running.score_finished([(arm, 0) for arm in TOY.arms], settings)
+    assert scored == ["toy-single"]
 
 
 def test_a_family_is_written_as_the_recipe_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -162,3 +162,11 @@ def test_no_samples_are_none_and_fewer_are_refused(run: Run) -> None:
     assert len(run.sample(0)) == 0
     with pytest.raises(UserError, match="-1 samples: give 0 or more"):
         run.sample(-1)
+
+
+def test_one_sample_is_not_compared_with_itself() -> None:
+    assert "diversity" not in Volumes().checks(chairs(1, SIZE))
+    assert "diversity" not in Images().checks(torch.rand(1, 1, 16, 16))
+    one_of_two = chairs(2, SIZE)
+    one_of_two[1] = 0
+    assert Volumes().checks(one_of_two)["diversity"].value == 0

@@ -96,7 +96,9 @@ class Domain(ABC):
         return reference
 
     def checks(self, x: Tensor, seed: int = 0) -> dict[str, Score]:
-        """Score samples without a reference."""
+        """Score samples without a reference; of one alone there is nothing to say."""
+        if len(x) < 2:
+            return {}
         a, b = x[torch.arange(len(x)).roll(1)], x
         distance = (a - b).flatten(1).square().mean(1).sqrt().mean().item()
         spread = distance / max(x.std().item(), 1e-12)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ from ..projections.rendering import Rendering
 from .domain import Domain, Exporter
 from .evidence import ENOUGH, Evidence, match_finding
 
+Fresnel: TypeAlias = Literal["eta", "albedo"]
 LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))
 """Built-in light, and the camera's angle from the normal in radians."""
 
@@ -46,10 +47,10 @@ class Maps(Domain):
     name: ClassVar[str] = "maps"
     previewed: ClassVar[int] = 10
     scored: ClassVar[int] = 500
-    fresnel: Literal["eta", "albedo"] = "albedo"
+    fresnel: Fresnel = "albedo"
 
     def preview(self, x: Tensor) -> Image.Image:
-        return export.material_sheet(x, relit(x))
+        return export.material_sheet(x, relit(x, self.fresnel))
 
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         named = {name: part.numpy() for name, part in unpack_maps(x).items()}
@@ -62,7 +63,7 @@ class Maps(Domain):
         return with_specular(reference, specular_channels(x)) if are_maps(reference) else reference
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
-        return material_scores(x, reference, seed, rendered_alike(x, reference))
+        return material_scores(x, reference, seed, rendered_alike(x, reference, self.fresnel))
 
     def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
         found = patch_distance(y, reference, seed=seed)
@@ -89,32 +90,32 @@ class Maps(Domain):
         return {**super().exporters, **own}
 
 
-def rendered_alike(x: Tensor, reference: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
+def rendered_alike(x: Tensor, reference: Tensor, fresnel: Fresnel = "albedo") -> dict[str, tuple[Tensor, Tensor]]:
     """Return both sets of maps under the same lights: the name of the light → a pair of renderings."""
-    pairs = zip(relit(x), relit(reference), strict=True)
+    pairs = zip(relit(x, fresnel), relit(reference, fresnel), strict=True)
     return dict(zip(("lamp", *(name for name, _ in LIGHTS)), pairs, strict=True))
 
 
 @torch.no_grad()
-def relit(maps: Tensor) -> list[Tensor]:
+def relit(maps: Tensor, fresnel: Fresnel = "albedo") -> list[Tensor]:
     """Render maps from above under a lamp ½ rad from the normal, and under `LIGHTS`: (N, 3, H, W) for each."""
     theta = torch.zeros(len(maps))
-    pictures = [under_a_lamp(maps)]
-    for rendering, (_, view) in zip(_renderings(), LIGHTS, strict=True):
+    pictures = [under_a_lamp(maps, fresnel)]
+    for rendering, (_, view) in zip(_renderings(fresnel), LIGHTS, strict=True):
         pictures.append(rendering(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5))
     return pictures
 
 
 @torch.no_grad()
-def under_a_lamp(maps: Tensor) -> Tensor:
+def under_a_lamp(maps: Tensor, fresnel: Fresnel = "albedo") -> Tensor:
     """Render maps from above under a lamp ½ rad from the normal, at the upper left: (N, 3, H, W)."""
     theta = torch.zeros(len(maps))
-    lamp = Rendering("directional", Reflection("albedo"))
+    lamp = Rendering("directional", Reflection(fresnel))
     return lamp(maps, view=theta, light=theta + 0.5, light_azimuth=theta + 2.0)
 
 
 @cache
-def _renderings() -> list[Rendering]:
+def _renderings(fresnel: Fresnel) -> list[Rendering]:
     probes, names = procedural_probes(32)
     chosen = [probes[names.index(name)][None] for name, _ in LIGHTS]
-    return [Rendering(probe, Reflection("albedo"), Sampling(64)) for probe in chosen]
+    return [Rendering(probe, Reflection(fresnel), Sampling(64)) for probe in chosen]

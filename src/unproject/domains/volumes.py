@@ -75,12 +75,15 @@ class Volumes(Domain):
         solid = x.flatten(1).amax(1) > 0.5
         pieces = torch.tensor([count_pieces(volume) for volume in x[solid].numpy()]).float()
         n, filled = len(x), int(solid.sum())
-        distance = one_minus_iou(x[solid], x[solid]) if filled > 1 else torch.zeros(1, 1)
-        off = distance.sum().item() / max(filled * (filled - 1), 1)
+        found: dict[str, Score] = {}
+        if n > 1:
+            distance = one_minus_iou(x[solid], x[solid]).sum().item() if filled > 1 else 0.0
+            how = "mean 1-iou of two samples at 0.5, empty ones left out"
+            found["diversity"] = Score(distance / max(filled * (filled - 1), 1), how, filled, seed)
         empty = 1 - filled / n
         whole = (pieces == 1).float().mean().item() if filled else 0.0
         return {
-            "diversity": Score(off, "mean 1-iou of two samples at 0.5, empty ones left out", filled, seed),
+            **found,
             "in_one_piece": Score(
                 whole, f"share of volumes whose parts of over {CRUMB:.0%} of the largest are one, at 0.5", filled, seed
             ),

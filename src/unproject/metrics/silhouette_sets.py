@@ -40,7 +40,7 @@ def silhouette_scores(generated: Tensor, reference: Tensor, *, seed: int = 0) ->
         0.0
     """
     size = "x".join(map(str, reference.shape[-2:]))
-    setting = f"1-iou), silhouettes {size} at {THRESHOLD}, {{}} generated vs {{}} held-out, views as given"
+    setting = f"1-iou), silhouettes {size} at {THRESHOLD}, {{}} generated vs {{}} reference, views as given"
     scores = set_scores("iou_silhouette", one_minus_iou, generated, reference, setting, seed)
     value = kernel_distance(silhouette_features(generated), silhouette_features(reference))
     protocol = (

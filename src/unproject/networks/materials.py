@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .._types import UserError
+from .._types import UserError, check_widths
 from ..ops.maps import normals_of, pack_maps
 from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
@@ -104,6 +104,7 @@ class DCGANMaterials(MaterialGenerator):
         slope: float = 0.2,
         specular_channels: int = 1,
     ) -> None:
+        check_widths(type(self).__name__, code_size=code_size, channels=channels, shared=shared)
         super().__init__(code_size, specular_channels=specular_channels)
         widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
         self.width, self.slope = channels, slope
@@ -183,6 +184,8 @@ class StationaryMaterials(MaterialGenerator):
         least: int = 48,
         specular_channels: int = 1,
     ) -> None:
+        widths = {"code_size": code_size, "places": places, "channels": channels, "sources": sources, "fields": fields}
+        check_widths(type(self).__name__, **widths, least=least)
         super().__init__(code_size + places * START**2, code_size, relief=True, specular_channels=specular_channels)
         levels, hidden = upsampling_levels(size) - 1, 128
         self.size, self.places = size, places

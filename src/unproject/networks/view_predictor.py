@@ -6,6 +6,8 @@ import math
 
 from torch import Tensor, nn
 
+from .._types import UserError
+
 BLOCKS = 4
 
 
@@ -16,6 +18,9 @@ class ViewPredictor(nn.Module):
         shape: of one input: (C, H, W), or (C, W) for lines.
         bins: number of classes, one for each observation.
         channels: after the first convolution; they double with each one.
+
+    Raises:
+        UserError: for images of fewer than 16 pixels a side.
 
     References:
         Li et al. 2019, supplemental, Part I.
@@ -29,6 +34,10 @@ class ViewPredictor(nn.Module):
 
     def __init__(self, shape: tuple[int, ...], bins: int, channels: int = 16) -> None:
         super().__init__()
+        if min(shape[1:]) < 2**BLOCKS:
+            raise UserError(
+                f"views are predicted from images of at least {2**BLOCKS} a side, and these have {min(shape[1:])}"
+            )
         widths = [shape[0], *[channels * 2**i for i in range(BLOCKS)]]
         lines = len(shape) == 2
         convolution, norm = (nn.Conv1d, nn.BatchNorm1d) if lines else (nn.Conv2d, nn.BatchNorm2d)

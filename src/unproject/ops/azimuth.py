@@ -67,10 +67,10 @@ class PlaneRays:
         weight = _hat(x_u[:, None] + x_w[None, :])
         weight *= _hat((z_u - z)[:, None] + z_w[None, :])
         batch = torch.arange(len(c), dtype=torch.int32, device=c.device)[:, None]
-        column = column.clamp_(0, self.size - 1).int() + batch * self.size
+        column = _index(column, self.size) + batch * self.size
         if summed:
             return _gather(column[:, None].expand(weight.shape), weight)
-        return _gather((column * self.samples)[:, None] + sample.clamp_(0, self.samples - 1).int()[None, :], weight)
+        return _gather((column * self.samples)[:, None] + _index(sample, self.samples)[None, :], weight)
 
     def _positions(self, column: Tensor, sample: Tensor, c: Tensor, s: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
         """Return fractional voxel indices (x, z) of samples as two summands, one of the pixel and one of the sample."""
@@ -86,7 +86,7 @@ class PlaneRays:
         x, z = half_width * ((x * 2 + 1) / width - 1), half_length * ((z * 2 + 1) / depth - 1)
         reach = 2 * math.sqrt(2) / min(width / half_width, depth / half_length)
         viewport = _per_item(self.viewport, c)
-        least = float(torch.as_tensor(self.viewport).min())
+        least = float(torch.as_tensor(self.viewport).nan_to_num(math.inf).min())
         column = _around((x * c - z * s - self._offset(c)) / viewport, reach / least, self.size)
         sample = _around(-(x * s + z * c) / self.half_depth, reach / self.half_depth, self.samples)
         return column, sample
@@ -120,7 +120,12 @@ def _neighbours(position: Tensor, count: int) -> tuple[Tensor, Tensor]:
     cells = torch.stack((first, first + 1))
     weights = torch.stack((first + 1 - position, position - first))
     weights.masked_fill_((cells < 0) | (cells >= count), 0)
-    return cells.clamp_(0, count - 1).int(), weights
+    return _index(cells, count), weights
+
+
+def _index(cells: Tensor, count: int) -> Tensor:
+    """Return cells within the volume, in place; one that is NaN, whose weight is NaN too, becomes the first."""
+    return cells.clamp_(0, count - 1).nan_to_num_(0).int()
 
 
 def _around(position: Tensor, reach: float, count: int) -> Tensor:

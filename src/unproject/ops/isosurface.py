@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 from skimage.measure import marching_cubes
+from torch import Tensor
 
 from unproject._types import UserError
 from unproject.ops.parts import number_parts
@@ -65,7 +66,7 @@ def without_floaters(
     Parts are the 26-connected components of {v > level}: voxels that share a corner are connected. Those with
     fewer than `min_fraction` of the voxels of the largest are set to zero, and all but the largest if `largest`.
     """
-    v = np.asarray(volume)
+    v = _array(volume)
     parts, voxels = number_parts(v > level)
     if len(voxels) <= 2:
         return v
@@ -78,13 +79,18 @@ def without_floaters(
 
 def without_cavities(volume: ArrayLike, level: float = 0.5) -> np.ndarray:
     """Return the volume with its cavities, which are not connected to the outside, filled."""
-    v = np.asarray(volume)
+    v = _array(volume)
     hidden = ndimage.binary_fill_holes(v > level) & (v <= level)
     return np.where(hidden, 1, v)
 
 
+def _array(volume: ArrayLike) -> np.ndarray:
+    """Return an array, or that of a tensor on any device, of any precision, with a gradient or none."""
+    return volume.detach().float().cpu().numpy() if isinstance(volume, Tensor) else np.asarray(volume)
+
+
 def _checked(volume: ArrayLike, level: float) -> np.ndarray:
-    v = np.asarray(volume, dtype=np.float32)
+    v = _array(volume).astype(np.float32, copy=False)
     if v.ndim != 3:
         raise UserError(f"a volume has three axes, this array has shape {v.shape}: pass one shape at a time")
     if not np.isfinite(v).all():

@@ -48,7 +48,7 @@ def capped_sum(p: Tensor, dim: int = -1) -> Tensor:
         >>> up.ops.capped_sum(torch.tensor([0.3, 1.0, 1.0]))
         tensor(0.3000)
     """
-    return torch.where(p.detach().cumsum(dim) <= 1 + _ROUNDING, p, 0).sum(dim)
+    return torch.where(p.detach().cumsum(dim) > 1 + _ROUNDING, 0, p).sum(dim)  # NaN stays NaN
 
 
 def absorption(p: Tensor, dim: int = -1, density: float | Tensor = 1.0) -> Tensor:

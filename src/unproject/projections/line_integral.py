@@ -57,6 +57,8 @@ class LineIntegral(Projection):
                 f"LineIntegral: give images (B, C, H, W) and one angle an image, not {tuple(x.shape)} "
                 f"and {tuple(angle.shape)}"
             )
+        if min(x.shape[2:]) < 1:
+            raise UserError(f"LineIntegral: an image of {x.shape[2]} x {x.shape[3]} has no pixel; give at least one")
         with torch.autocast(x.device.type, enabled=False):
             x = x if x.dtype == torch.float64 else x.float()
             # On a GPU sums by scattering depend on the order of threads, and the dense areas are no burden there.

@@ -49,10 +49,9 @@ OWN_WOOD = (
 )
 
 MINUTES = {
-    "plastic": "Minutes are unequal, in favour of the paper's recipe: it has nine, this project's 1,400 steps take "
-    "half of that. Arms of procedural plastic were trained alone on the machine, those of real plastic two at a time.",
-    "metal": "Minutes are unequal: this project's arms have 1,400 steps, which took ten to fifteen minutes beside "
-    "other work (the same steps of plastic take under five alone), and the paper's recipe has nine minutes.",
+    name: "In the cpu budget minutes are unequal: the paper's recipe has nine, this project's arms have 1,400 steps, "
+    "and the table says how long they took, alone or beside other work."
+    for name in ("plastic", "metal")
 }
 
 MATERIALS: tuple[Figure, ...] = (
@@ -108,8 +107,8 @@ MATERIALS: tuple[Figure, ...] = (
             OTHER_LIGHT,
             NARROW,
             "625 samples of all maps, not 650: 625 × 4 are the 2,500 images.",
-            "Arms of the paper's recipe have the same minutes, so the arm with one discriminator has several times the "
-            "steps; modern arms have the same steps, and differ in minutes.",
+            "In the cpu budget arms of the paper's recipe have the same minutes, so the arm with one discriminator has "
+            "several times the steps; modern arms have the same steps, and differ in minutes.",
         ),
     ),
     Figure(

@@ -121,9 +121,9 @@ def _photograph(folder: Path, name: str, materials: Materials, light: Tensor) ->
 
 def _add_albedos(folder: Path, kind: str, place: Place) -> None:
     """Write the albedos of 246 CC0 woods or 29 plastics as diffuse maps."""
-    with np.load(place.real(f"materials/ambientcg_diffuse64_{kind}.npz"), allow_pickle=False) as albedos:
-        for k, albedo in enumerate(albedos["albedo64"]):
-            Image.fromarray(albedo).save(folder / "diffuse" / f"albedo-{k:03d}.png")
+    albedos = place.arrays(f"materials/ambientcg_diffuse64_{kind}.npz", "albedo64")["albedo64"]
+    for k, albedo in enumerate(albedos):
+        Image.fromarray(albedo).save(folder / "diffuse" / f"albedo-{k:03d}.png")
 
 
 def _write(folder: Path, values: Tensor) -> None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from torch import Tensor
 
 from .._types import UserError
+from ..data.readers.arrays import load_arrays
 from ..domains import BUILT_IN, Domain
 
 COLLECTIONS = {
@@ -54,16 +56,35 @@ class Place:
             raise UserError(f"{path}: is missing; --data is a folder with silhouettes/, shapes3d/, mnist/ and so on")
         return path
 
+    def arrays(self, name: str, *keys: str) -> dict[str, np.ndarray]:
+        """Return these arrays of an .npz of a real collection.
+
+        Raises:
+            UserError: as `real`, and for a file that does not hold them.
+        """
+        path = self.real(name)
+        found = load_arrays(path)
+        if missing := [key for key in keys if key not in found]:
+            raise UserError(f"{path}: holds no {', '.join(missing)}; fetch it again")
+        return {key: found[key] for key in keys}
+
     def once(self, name: str, make: Callable[[Path], None]) -> Path:
-        """Return a file or folder, written by `make` if it does not exist; it appears whole or not at all."""
+        """Return a file or folder, written by `make` if it does not exist; it appears whole or not at all.
+
+        Its name tells of which `--data` it is.
+        """
+        if self.data is not None:
+            stem, dot, suffix = name.partition(".")
+            name = f"{stem}-{sha256(str(self.data.resolve()).encode()).hexdigest()[:6]}{dot}{suffix}"
         path = self.folder / name
-        if not path.exists():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = path.with_name(f"unfinished-{os.getpid()}-{path.name}")
-            shutil.rmtree(unfinished, ignore_errors=True)
-            make(unfinished)
+        if path.exists():
+            return path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=f"unfinished-{path.name}-", dir=path.parent) as unfinished:
+            made = Path(unfinished) / path.name
+            make(made)
             if not path.exists():  # another process may have written the same meanwhile
-                unfinished.rename(path)
+                made.rename(path)
         return path
 
 

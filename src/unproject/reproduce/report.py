@@ -219,10 +219,10 @@ def blocks_of(report: Report, picture: Path | None) -> list[Block]:
 def _picture(figure: Figure, picture: Path | None) -> list[Block]:
     if picture is None:
         return []
-    return [
-        ("picture", picture),
-        ("text", f"{figure.caption} The first samples of each arm's first seed, none chosen."),
-    ]
+    of_samples = "The first samples of each arm's first seed, none chosen."
+    of_views = "Of each arm's first seed the first training images of each view, none chosen."
+    shown = of_samples if figure.shows == "samples" else of_views
+    return [("picture", picture), ("text", f"{figure.caption} {shown}")]
 
 
 def _arms(figure: Figure) -> list[Block]:

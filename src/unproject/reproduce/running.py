@@ -154,7 +154,7 @@ class _Training:
     def cancel(self) -> None:
         for future in self.futures:
             future.cancel()
-        for child in self.children:
+        for child in list(self.children):  # threads take theirs out meanwhile
             child.terminate()  # it saves a checkpoint and exits
 
     @contextmanager
@@ -231,11 +231,19 @@ def _words(flags: Mapping[str, Any]) -> list[str]:
 
 
 def score_finished(jobs: Iterable[Job], settings: Settings) -> None:
-    """Score finished runs that have no result; train nothing."""
+    """Score finished runs that have no result; train nothing.
+
+    Raises:
+        UserError: naming each run that cannot be scored, once all others are.
+    """
+    failures: list[str] = []
     for arm, seed in jobs:
-        if not has_result(arm, seed, settings) and is_finished(arm, seed, settings):
-            check_run(arm, seed, settings)
-            score_run(arm, seed, settings)
+        with collecting(failures):
+            if not has_result(arm, seed, settings) and is_finished(arm, seed, settings):
+                check_run(arm, seed, settings)
+                score_run(arm, seed, settings)
+    if failures:
+        raise UserError("; ".join(failures))
 
 
 def score_run(arm: Arm, seed: int, settings: Settings) -> None:

@@ -72,9 +72,8 @@ def car_volumes(place: Place) -> Path:
     """Return an .npz of solid voxels of the meshes that are cars."""
 
     def save(path: Path) -> None:
-        with np.load(place.real("shapes3d/cars_kenney_cc0_meshes.npz"), allow_pickle=False) as meshes:
-            arrays = {name: meshes[name] for name in meshes.files}
-        volumes = []
+        keys = ("name", "verts", "faces", "vert_start", "face_start")
+        arrays, volumes = place.arrays("shapes3d/cars_kenney_cc0_meshes.npz", *keys), []
         for k, name in enumerate(arrays["name"]):
             if not any(word in str(name) for word in NOT_CARS):
                 points, corners = (slice(*arrays[f"{part}_start"][k : k + 2]) for part in ("vert", "face"))

@@ -6,6 +6,7 @@ A law is a statement, the likely cause of its violation, and a test. `check_*` r
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from torch import Tensor, nn
@@ -94,6 +95,10 @@ def check_generator(generator: nn.Module, seed: int = 0, low: float = 0.0, high:
     raise_broken(generator, apply_laws(GENERATOR_LAWS, generator_case(generator, seed, low, high)))
 
 
+RANGES = {"volumes": (0.0, 1.0), "images": (0.0, 1.0), "maps": (-1.0, math.inf)}
+"""Domain of a generator → values of its samples; those of a domain of one's own may be any."""
+
+
 def run_laws(part: Any, seed: int = 0) -> list[LawResult]:
     """Test the laws of a projection, an observation (with its prior), a prior or a generator; return all results.
 
@@ -113,5 +118,6 @@ def run_laws(part: Any, seed: int = 0) -> list[LawResult]:
     if isinstance(part, Prior):
         return apply_laws(PRIOR_LAWS, PriorCase(part, seed))
     if isinstance(part, nn.Module):
-        return apply_laws(GENERATOR_LAWS, generator_case(part, seed, 0.0, 1.0))
+        low, high = RANGES.get(getattr(part, "domain", "images"), (-math.inf, math.inf))
+        return apply_laws(GENERATOR_LAWS, generator_case(part, seed, low, high))
     raise UserError(f"{part!r} is no Projection, Observation, Prior or generator module; give one of these")

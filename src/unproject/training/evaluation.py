@@ -80,7 +80,7 @@ def picture_scores(domain: Domain, state: AssignmentState, x: Tensor, seed: int)
 
 def _of_training(protocol: str) -> str:
     """Say of a protocol that the references are training images."""
-    said = protocol.replace(" held-out", " training images")
+    said = protocol.replace(" reference,", " training images,")
     return said if said != protocol else f"{protocol}, references are training images"
 
 
