@@ -3948,6 +3948,13 @@ PHOTOGRAPHED = (
         "reproduce/test_running.py::test_a_run_that_cannot_be_scored_stops_no_other",
     ),
     mutant(
+        "sides: pictures are as wide as their camera held them",
+        "data/readers/sides.py",
+        "(height, width) if lying else",
+        "(width, height) if lying else",
+        "data/readers/test_pictures.py::test_the_size_of_a_picture_is_that_of_the_turned_one",
+    ),
+    mutant(
         "photographs: lamps overhead are as low as the others",
         "recipes/material_panels.py",
         '("overhead", 12)',

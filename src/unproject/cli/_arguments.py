@@ -223,7 +223,8 @@ def _check_number(name: str, value: Any) -> None:
     """Refuse what no flag of ours can mean, nor any of a user's recipe that is to be written into recipe.json."""
     for number in value if isinstance(value, (tuple, list)) else (value,):
         if isinstance(number, (int, float)) and not abs(number) < (math.inf if isinstance(number, float) else 2**63):
-            raise UserError(f"--{name.rstrip('_').replace('_', '-')} {number}: give a finite number")
+            wanted = "a finite number" if isinstance(number, float) else "a whole number below 2^63"
+            raise UserError(f"--{name.rstrip('_').replace('_', '-')} {number}: give {wanted}")
 
 
 def _in_one_line(box: str) -> str:

@@ -35,7 +35,7 @@ class Generator(nn.Module, ABC):
             absorption, by which fog looks solid. Runs whose cameras are not level turn it off.
 
     Attributes:
-        white: number of trailing entries of a latent that are noise, independent, of mean 0 and deviation 1.
+        white: number of trailing entries of a latent that are noise of mean 0 and deviation 1.
 
     Examples:
         >>> import torch, unproject as up

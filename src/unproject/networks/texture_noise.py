@@ -12,7 +12,8 @@ GRAIN = (*[(1, 0.0)] * 4, (1, 1.0), (2, 1.0), (1, 0.25), (2, 0.25))
 def white_noise(code: Tensor, size: int, sources: int = 1) -> Tensor:
     """Return white noise (B, sources, size, size) of mean 0 and deviation 1, as a function of the code.
 
-    frac(sin) of the pixel's index and the code, as in shaders.
+    frac(sin) of the pixel's index and the code, as in shaders. Larger noise of the same code begins with the numbers of
+    smaller noise.
     """
     seed = code.detach().double()[:, :2].sum(1) * 1e3
     pixel = torch.arange(sources * size * size, dtype=torch.float64, device=code.device)

@@ -16,6 +16,7 @@ from PIL import Image
 from unproject._pictures import read_displayed
 from unproject._types import UserError
 from unproject.data import Framing, read
+from unproject.data.readers.sides import size_of_picture
 
 
 def block(left: int = 20, width: int = 20) -> np.ndarray:
@@ -186,3 +187,11 @@ def test_views_in_another_encoding(pair):
     (pair / "views.csv").write_bytes("file,azimuth\na.png,1\n".encode("utf-16"))
     with pytest.raises(UserError, match="save it as CSV in UTF-8"):
         read(pair)
+
+
+def test_the_size_of_a_picture_is_that_of_the_turned_one(tmp_path: Path) -> None:
+    for orientation, size in ((1, (30, 20)), (3, (30, 20)), (6, (20, 30))):
+        exif = Image.Exif()
+        exif[274] = orientation
+        Image.new("RGB", (30, 20)).save(tmp_path / "a.jpg", exif=exif)
+        assert size_of_picture(tmp_path / "a.jpg") == size

@@ -80,14 +80,16 @@ def _of_picture(file: Path) -> int | None:
 
 
 def size_of_picture(file: Path) -> tuple[int, int] | None:
-    """Return the width and the height of a picture by its header; None of what Pillow does not know."""
-    from PIL import Image
+    """Return the width and the height of a picture, turned as its camera says; None of what Pillow does not know."""
+    from PIL import ExifTags, Image
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(file) as picture:
-                return picture.size
+                width, height = picture.size
+                lying = picture.getexif().get(ExifTags.Base.Orientation, 1) > 4
+                return (height, width) if lying else (width, height)
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         return None
 
