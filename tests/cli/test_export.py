@@ -126,6 +126,8 @@ def test_a_run_keeps_what_its_specular_map_means(tmp_path, capsys, monkeypatch):
     assert main(["export", str(tmp_path / "A.NPZ"), "--to", "maps", "--out", str(out)]) == 0
     assert json.loads((out / "material.json").read_text())["fresnel"] == "eta"
     opened = SimpleNamespace(domain=Maps(fresnel="eta"), sample=lambda n, seed, size: wood(n, 16))
+    assert main(["export", str(tmp_path / "A.NPZ"), "--to", "npz", "--out", str(tmp_path / "B.NPZ")]) == 0
+    assert (tmp_path / "B.NPZ").is_file()
     monkeypatch.setattr("unproject.training.load", lambda path, trust: opened)
     (tmp_path / "recipe.json").write_text("{}")
     words = ["export", str(tmp_path), "--n", "1", "--to", "maps", "--out", str(out)]
@@ -140,6 +142,7 @@ def test_a_run_keeps_what_its_specular_map_means(tmp_path, capsys, monkeypatch):
     [
         ("glb", "chair.obj", "a name that ends in .glb, or a folder"),
         ("png", "sheet.jpg", "a name that ends in .png, or a folder"),
+        ("glb", "chair.stl", "a name that ends in .glb, or a folder"),
     ],
 )
 def test_a_file_named_like_another_format_is_refused(samples, tmp_path, capsys, to, name, wanted):

@@ -216,6 +216,12 @@ def test_pictures_without_a_view_have_none_to_be_given() -> None:
         given_view("3", [])
 
 
+def test_a_camera_below_the_surface_is_refused() -> None:
+    assert given_view("-89", ["view", "jitter"])["view"] < 0 and given_view("95", ["azimuth"])["azimuth"] > 1
+    with pytest.raises(UserError, match="the camera must be above the material"):
+        given_view("95", ["view", "jitter"])
+
+
 def test_angles_are_degrees_and_draws_are_no_views() -> None:
     theta = {"view": torch.full((1, 1), math.pi), "perspective": torch.full((1, 1), 0.25), "jitter": torch.ones(1, 1)}
     found = SimpleNamespace(theta=theta)
@@ -231,3 +237,4 @@ def test_lines_about_another_center_are_read_as_training_did(tmp_path: Path) -> 
     assert main(["train", "digits", "--data", str(scan), "--anchors", str(scan), *flags, "--out", str(run)]) == 0
     assert fit(run, scan, "--out", tmp_path / "fits", "--no-novelty") == 0
     assert len(entries(tmp_path / "fits")) == 12
+    assert main(["evaluate", str(run), "--reference", str(scan), "--n", "8"]) == 0

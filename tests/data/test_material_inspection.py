@@ -15,6 +15,7 @@ from unproject.cli import main
 from unproject.cli.data import run
 from unproject.data import OBSERVATIONS, holds_materials, inspect_materials, wood
 from unproject.data.readers.patches import side_to_cut_from
+from unproject.domains import Maps
 from unproject.export.pictures import _CAPTION
 from unproject.ops.maps import unpack_maps
 from unproject.recipes import material_panels
@@ -226,3 +227,20 @@ def test_photographs_of_a_telephone_are_explained(tmp_path: Path, capsys) -> Non
 
 def test_the_recipes_read_what_is_shown() -> None:
     assert set(OBSERVATIONS) == {*material_panels.MAPS, *material_panels.VIEWED_FROM}
+
+
+def test_maps_are_drawn_as_they_are_learned(tmp_path: Path) -> None:
+    """Those for an index of refraction as the reflectances that they mean, darker by 25."""
+    maps = wood(4, 32, 0)
+    for meant in ("eta", "albedo"):
+        np.savez(tmp_path / f"{meant}.npz", **Maps(fresnel=meant).arrays(maps))  # type: ignore[arg-type]
+    eta, albedo = (inspect_materials(tmp_path / f"{meant}.npz", 32).materials for meant in ("eta", "albedo"))
+    assert eta is not None and albedo is not None
+    torch.testing.assert_close(eta.floats()[:, 3], albedo.floats()[:, 3] * 0.04)
+
+
+def test_views_from_overhead_are_no_materials(tmp_path: Path) -> None:
+    for name in ("front", "overhead", "side"):
+        (tmp_path / name).mkdir()
+        Image.new("L", (32, 32)).save(tmp_path / name / "a.png")
+    assert not holds_materials(tmp_path)

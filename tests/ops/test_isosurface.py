@@ -135,3 +135,9 @@ def test_tensors_of_any_precision_with_a_gradient_or_none(kind: torch.dtype) -> 
         for found, wanted in zip(isosurface(given), expected, strict=True):
             assert np.array_equal(found, wanted)
         assert np.array_equal(without_cavities(given), without_floaters(given))
+
+
+def test_parts_keep_the_type_of_the_volume() -> None:
+    volume = torch.zeros(4, 4, 4, dtype=torch.float64)
+    volume[1:3] = 1
+    assert without_floaters(volume).dtype == without_cavities(volume).dtype == np.float64

@@ -390,3 +390,13 @@ def test_the_mirrored_view_shows_the_flipped_picture(azimuths: int, bands: int) 
 def test_an_observation_projects() -> None:
     x = torch.rand(3, 8, 8, 8, generator=generator_at(0))
     assert azimuth_bins(4)[1](x, generator_at(1)).shape == (3, 1, 8, 8)
+
+
+@pytest.mark.parametrize("rule", ["any", "alpha", "absorption"])
+@pytest.mark.parametrize("spoilt", ["azimuth", "elevation", "roll"])
+def test_a_view_that_has_broken_down_is_nan_whatever_the_camera(rule: str, spoilt: str) -> None:
+    """Not an empty picture, from which nobody would see that training has diverged."""
+    view = {name: torch.full((2,), 0.2) for name in ("azimuth", "elevation", "perspective", "roll")}
+    view[spoilt][1] = math.nan
+    y = Silhouette(rule=rule, size=8)(torch.rand(2, 8, 8, 8), **view)  # type: ignore[arg-type]
+    assert y[0].isfinite().all() and y[1].isnan().all()

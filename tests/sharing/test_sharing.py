@@ -69,10 +69,10 @@ def test_the_card_has_scores_and_where_it_comes_from(run: Path, tmp_path: Path) 
 def test_the_log_that_is_shared_is_short_and_whole(run: Path, tmp_path: Path) -> None:
     copied = tmp_path / "run"
     shutil.copytree(run, copied)
-    lines = [json.dumps({"step": k, "seconds": k, "loss_g": 1.0}) + "\n" for k in range(1, 1001)]
+    lines = [json.dumps({"step": 1, "seconds": k, "loss_g": 1.0}) + "\n" for k in range(1, 1001)]
     (copied / "stats.jsonl").write_text("".join(lines) + '{"step": 1, "seconds": 1, "event": "assigned"}\n')
     shared = save_pretrained(copied, tmp_path / "shared")
-    found = [json.loads(line)["step"] for line in (shared / "stats.jsonl").read_text().splitlines()]
+    found = [json.loads(line)["seconds"] for line in (shared / "stats.jsonl").read_text().splitlines()]
     assert found[:2] == [1, 6] and len(found) == 200
 
 
@@ -194,8 +194,14 @@ def test_weights_are_shared_under_their_own_step(run: Path, tmp_path: Path) -> N
     newest = checkpoint.newest(copied / "checkpoints")
     later = {name: torch.zeros_like(value) for name, value in checkpoint.load(newest).items()}
     checkpoint.save(copied / "checkpoints", opened.step + 1, later)
+    shutil.copy(next((copied / "samples").iterdir()), copied / "samples" / "step-000000099.png")
+    (copied / "verdict.json").write_text(json.dumps({"step": opened.step + 1, "line": "of later weights"}))
+    with (copied / "stats.jsonl").open("a") as log:
+        log.write('{"step": 99, "seconds": 9.0}\n')
     shared = save_pretrained(opened, tmp_path / "shared")
     assert (up.load(shared).sample(2) - opened.sample(2)).abs().max() < 0.01
+    assert not (shared / "verdict.json").exists() and not (shared / "samples" / "step-000000099.png").exists()
+    assert '"step": 99' not in (shared / "stats.jsonl").read_text()
     newest.unlink()
     with pytest.raises(up.UserError, match="its training has gone on"):
         save_pretrained(opened, tmp_path / "again")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -12,9 +14,11 @@ from unproject._types import UserError
 from unproject.assignment import AssignmentState, Panel
 from unproject.data import Collection, chairs
 from unproject.domains import Images, Volumes
+from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load, train
 from unproject.training.distribution import Distribution
 from unproject.training.evaluation import supervised_ceiling, true_views
+from unproject.training.fitting import of_different_kinds
 
 RECIPE = toy(steps=4)
 
@@ -170,3 +174,16 @@ def test_one_sample_is_not_compared_with_itself() -> None:
     one_of_two = chairs(2, SIZE)
     one_of_two[1] = 0
     assert Volumes().checks(one_of_two)["diversity"].value == 0
+
+
+def test_panels_of_other_projections_are_of_other_kinds() -> None:
+    """Names of views are the same at any size; pictures of known views beside others are no other kind."""
+
+    def state(*views: int, size: int = 16) -> Any:
+        observations = [azimuth_bins(4, Silhouette(size=size))[k] for k in views]
+        return SimpleNamespace(panel=SimpleNamespace(observations=observations, projection=observations[0].projection))
+
+    small, large, some, again = state(0, 1, 2, 3), state(0, 1, 2, 3, size=32), state(1, 2), state(0, 1, 2, 3)
+    assert of_different_kinds([small, large]) == [small, large]
+    assert of_different_kinds([some, small]) == of_different_kinds([small, some]) == [small]
+    assert of_different_kinds([small, again, some]) == [small]

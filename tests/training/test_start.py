@@ -223,6 +223,10 @@ def test_averaged_weights_that_were_taken_over_count_their_steps(old: Path) -> N
     """The average does not forget in ten steps what the other run averaged over."""
     state, _ = started(toy(steps=4, starts=STARTS), old)
     assert state.counters.averaged == 4
+    tensors = {**final(old), "counters/averaged": torch.tensor(100.0)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(checkpoint, "load", lambda *_: tensors)
+        assert started(toy(steps=4, starts=STARTS), old)[0].counters.averaged == 104
     for averaged, left in ((0, 1e-3), (10**4, 0.95)):
         state.counters.averaged = averaged
         mean = next(iter(state.average.parameters()))

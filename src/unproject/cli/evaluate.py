@@ -49,6 +49,7 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
+    from ..data.measured_lines import about_middle
     from ..recipes.held_out import held_out
     from ..training import load
     from ..training.run_directory import read_origin
@@ -57,11 +58,13 @@ def run(
     if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
     opened = load(path, trust=trust)
-    size, count = opened.sample(1).shape[-1], n or opened.domain.scored
+    size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
     if reference is not None:
         against = opened.domain.read(reference, size).floats()
+        if opened.domain.name == "image" and against.dim() == 3:
+            against = about_middle(against, origin.arguments.get("center") if origin else None, str(reference))
     else:
-        against = held_out(read_origin(path), size, count)
+        against = held_out(origin, size, count)
     opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
     verdict = verdict_of(opened, seed)

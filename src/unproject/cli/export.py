@@ -142,7 +142,8 @@ def _options(
     return options
 
 
-OTHER_SUFFIXES, WRITTEN = ("gltf", "mtlx", "jpg", "jpeg", "webp", "exr"), {"gltf": "glb", "maps": "", "mtlx": ""}
+OTHER_SUFFIXES = ("gltf", "mtlx", "jpg", "jpeg", "webp", "exr", "stl", "off", "zip")
+WRITTEN = {"gltf": "glb", "maps": "", "mtlx": ""}
 """Suffixes of files that are no format's, and format → the suffix of its files where that is not its name."""
 
 

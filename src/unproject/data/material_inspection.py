@@ -16,12 +16,13 @@ from .readers.patches import material_patches, side_to_cut_from
 from .readers.shapes import SUFFIXES as SHAPES
 from .readers.sides import size_of_picture
 from .readers.stored import StoredArrays
+from .readers.texture_maps import Convention
 from .readers.texture_names import find_textures, picture_names
 
 PATCHES = 64
 FEWER_ABOVE = 512
 """Patches of more pixels a side are fewer, for the same memory."""
-UNCLEAR = frozenset({"top", "normal", "lamp"})
+UNCLEAR = frozenset({"top", "normal", "lamp", "overhead"})
 """Sub-folders that silhouettes may lie in too: views, and classes of objects."""
 MOST_MAPS = 32
 """Pictures of a texture set at most."""
@@ -41,7 +42,7 @@ def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> I
         return _of_photographs(path, found, size)
     refuse_unsorted(path)
     side = None if path.suffix.lower() == ".npz" else side_to_cut_from(size)
-    whole = Collection.materials(path, side, strict=strict)
+    whole = Collection.materials(path, side, convention=Convention(fresnel="albedo"), strict=strict)
     count = max(1, min(PATCHES, PATCHES * FEWER_ABOVE**2 // size**2))
     cut = whole if whole.shape[-2:] == (size, size) else Collection(material_patches(whole.items, count, size))
     texels = pixels((whole.shape[-1], whole.shape[-2]))

@@ -168,7 +168,7 @@ class Domain(ABC):
 
     def write_arrays(self, x: Tensor, path: str | PathLike[str]) -> Written:
         """Write the arrays, at the path if it ends in .npz, else samples.npz in that folder."""
-        path = Path(path) if str(path).endswith(".npz") else Path(path) / "samples.npz"
+        path = Path(path) if Path(path).suffix.lower() == ".npz" else Path(path) / "samples.npz"
         arrays: dict[str, Any] = self.arrays(x)
         with atomic_path(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, **arrays)

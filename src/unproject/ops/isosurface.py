@@ -7,6 +7,7 @@ Voxel i of N has its centre at (i + 1/2)/N·2 - 1: a solid block of voxels gets 
 from __future__ import annotations
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike
 from scipy import ndimage
 from skimage.measure import marching_cubes
@@ -86,7 +87,10 @@ def without_cavities(volume: ArrayLike, level: float = 0.5) -> np.ndarray:
 
 def _array(volume: ArrayLike) -> np.ndarray:
     """Return an array, or that of a tensor on any device, of any precision, with a gradient or none."""
-    return volume.detach().float().cpu().numpy() if isinstance(volume, Tensor) else np.asarray(volume)
+    if not isinstance(volume, Tensor):
+        return np.asarray(volume)
+    volume = volume.detach().cpu()
+    return (volume.float() if volume.dtype == torch.bfloat16 else volume).numpy()  # NumPy has no bfloat16
 
 
 def _checked(volume: ArrayLike, level: float) -> np.ndarray:

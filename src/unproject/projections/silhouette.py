@@ -167,7 +167,9 @@ class Silhouette(Projection):
             points = orthographic_rays(view.frame(), *sampling)
         p = sample_volume(x, points)
         y = absorption(p, -1, density) if self.rule == "absorption" else _RULE[self.rule](p, -1)
-        return y.unsqueeze(1)
+        # Samples at places that are NaN are 0, as outside of the volume.
+        broken = ~torch.stack(view).isfinite().all(0)
+        return y.masked_fill(broken[:, None, None], math.nan).unsqueeze(1)
 
     def _project_rays(self, x: Tensor, view: View, window: Window | None = None) -> Tensor:
         """Return the values of `_project`, without storing the samples where the rule needs nothing but their sum."""

@@ -6,6 +6,7 @@ exported, explored and fitted, but not resumed. Floats have 16 bits, labels of v
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from collections.abc import Mapping
@@ -93,26 +94,40 @@ def _fill(folder: Path, opened: Run) -> None:
     checkpoints.save(folder / "checkpoints", opened.step, tensors)
     for place in PLACES:
         if (opened.path / place).is_file():
-            write_json(folder / place, without_paths(read_json(opened.path / place, RESTORE)))
-    _copy_preview(opened.path, folder)
-    _copy_log(opened.path / LOG, folder / LOG)
+            content = read_json(opened.path / place, RESTORE)
+            if place != VERDICT or content.get("step", opened.step) == opened.step:
+                write_json(folder / place, without_paths(content))
+    _copy_preview(opened, folder)
+    _copy_log(opened, folder / LOG)
     with atomic_path(folder / CARD) as temporary:
         temporary.write_text(card_of(opened, folder), encoding="utf-8")
 
 
-def _copy_preview(source: Path, folder: Path) -> None:
+def _copy_preview(opened: Run, folder: Path) -> None:
     (folder / "samples").mkdir(exist_ok=True)
-    for picture in sorted((source / "samples").glob("step-*.png"))[-1:]:
+    found = sorted((opened.path / "samples").glob("step-*.png"))
+    for picture in [file for file in found if checkpoints.step_of(file) <= opened.step][-1:]:
         shutil.copyfile(picture, folder / "samples" / picture.name)
 
 
-def _copy_log(source: Path, file: Path) -> None:
-    """Copy losses over time, a few hundred lines of them: events hold one number a picture."""
+def _copy_log(opened: Run, file: Path) -> None:
+    """Copy losses over time up to the run's step, a few hundred lines of them: events hold one number a picture."""
+    source = opened.path / LOG
     if source.is_file():
         lines = [line for line in source.read_text(encoding="utf-8").splitlines(keepends=True) if "event" not in line]
+        lines = [line for line in lines if _step_of(line) <= opened.step]
         rows = range(0, len(lines), -(-len(lines) // LINES) or 1)
         with atomic_path(file) as temporary:
             temporary.write_text("".join(lines[row] for row in rows), encoding="utf-8")
+
+
+def _step_of(line: str) -> float:
+    """Return the step of a line of the log; 0 of a damaged one, which the copy's reader passes over."""
+    try:
+        step = json.loads(line)["step"]
+    except (ValueError, KeyError, TypeError):
+        return 0.0
+    return step if isinstance(step, (int, float)) else 0.0
 
 
 def is_shared(name: str) -> bool:

@@ -111,4 +111,6 @@ def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
         degrees = []
     if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
         raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
+    if latents[0] == "view" and not abs(degrees[0]) < 90:
+        raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
     return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}

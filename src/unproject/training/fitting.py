@@ -32,13 +32,18 @@ def state_of(states: Sequence[AssignmentState], observation: str | None) -> Assi
 
 
 def of_different_kinds(states: Sequence[AssignmentState]) -> list[AssignmentState]:
-    """Return the panels but for those whose observations an earlier one has: of pictures whose views are known too."""
-    kept: list[AssignmentState] = []
-    for state in states:
-        names = {o.name for o in state.panel.observations}
-        if not any(names <= {o.name for o in earlier.panel.observations} for earlier in kept):
-            kept.append(state)
-    return kept
+    """Return the panels but for those whose observations another one has: of pictures whose views are known too."""
+    panels = [state.panel for state in states]
+    names = [{o.name for o in panel.observations} for panel in panels]
+
+    def has(i: int, j: int) -> bool:
+        """Whether panel i has the observations of j, and more, or the same and comes first."""
+        if panels[i].projection != panels[j].projection:
+            return False
+        return names[j] < names[i] or (names[i] == names[j] and i < j)
+
+    rows = range(len(states))
+    return [states[j] for j in rows if not any(has(i, j) for i in rows)]
 
 
 def viewing_of(state: AssignmentState, observation: str | None = None) -> Viewing:

@@ -11,10 +11,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor, nn
 
 from .._types import UserError
 from . import checkpoint
+from .counters import COUNTERS
 from .description import describe
 from .run_directory import read_recipe
 from .state import State, stripped
@@ -42,7 +44,7 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
         )
     state.generator.load_state_dict(stripped(tensors, "generator"))
     state.average.load_state_dict(stripped(tensors, "average"))
-    state.counters.averaged = checkpoint.step_of(newest)
+    state.counters.averaged = checkpoint.step_of(newest) + int(tensors.get(f"{COUNTERS}averaged", torch.zeros(())))
     if state.recipe.tries is not None:  # others would begin from new weights
         state.counters.tried = state.recipe.tries.count
     return {

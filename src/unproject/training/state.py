@@ -167,7 +167,8 @@ class State:
     def update_average(self, half_life: float) -> None:
         """Move the averaged weights towards the generator's.
 
-        Early on the half-life is a tenth of the steps that are in them; a half-life of 0 copies the weights.
+        Early on the half-life is a tenth of the steps, those of averages taken over among them; a half-life of 0 copies
+        the weights.
         """
         half_life = min(half_life, max((self.counters.averaged + self.counters.step) / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0

@@ -91,3 +91,9 @@ def test_photographs_of_floats_are_developed(tmp_path: Path) -> None:
     write_picture(tmp_path / "top" / "a.exr", np.full((32, 32, 3), (0.5, 37.0, 0.0), np.float32), "float")
     found = Collection.photographs(tmp_path, "top", 16).items[0, :, 3, 5]
     assert found.tolist() == pytest.approx([0.5 ** (1 / 2.2), 1, 0], abs=1e-3)
+
+
+def test_channels_that_are_not_read_may_hold_anything(tmp_path: Path) -> None:
+    (tmp_path / "diffuse").mkdir()
+    write_picture(tmp_path / "diffuse" / "a.exr", np.full((32, 32, 4), (0.5, 0.5, 0.5, 37), np.float32), "float")
+    assert Collection.photographs(tmp_path, "diffuse", 16).items.max() == pytest.approx(0.5)

@@ -70,11 +70,12 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
+    pixels = pixels[..., : 3 if pixels.shape[2] >= 3 else 1]
     if name == "normal" and pixels.min() < -OVERSHOOT:
         raise UserError(f"{file}: values run from {pixels.min():.3g}; give normals as ½ + ½ n, flat being (½, ½, 1)")
     if name in MAPS and pixels.max() > 1 + OVERSHOOT:
         raise UserError(f"{file}: values run to {pixels.max():.3g}; scale maps to [0, 1]")
-    values = torch.from_numpy(np.moveaxis(pixels[..., : 3 if pixels.shape[2] >= 3 else 1], 2, 0).copy()).clamp(min=0)
+    values = torch.from_numpy(np.moveaxis(pixels, 2, 0).copy()).clamp(min=0)
     side = min(values.shape[1:])
     if side < size // 2:
         raise UserError(
