@@ -179,6 +179,7 @@ def test_a_run_of_the_command_line_resumes_at_its_size(tmp_path: Path, monkeypat
     for slow in ("cli._report.leave_report", "domains.Volumes.preview"):  # they take longer than two steps
         monkeypatch.setattr(f"unproject.{slow}", lambda *_: Image.new("L", (1, 1)))
     monkeypatch.setattr("unproject.training.verdict.SAMPLES", 4)
+    monkeypatch.setattr("unproject.domains.Volumes.previewed", 2)
     data, run, moved = tmp_path / "data.npz", tmp_path / "run", tmp_path / "moved"
     np.savez(data, volume=chairs(8, 64).numpy() > 0.5)
     flags = [w for name, v in SMALL.items() for w in (f"--{name.replace('_', '-')}", str(v))]

@@ -147,10 +147,14 @@ WRITTEN = {"gltf": "glb", "maps": "", "mtlx": ""}
 """Suffixes of files that are no format's, and format → the suffix of its files where that is not its name."""
 
 
+SAMPLES = 16
+"""How many are written unless it is said."""
+
+
 def _some(n: int | None) -> int:
     if n is not None and n < 1:
         raise UserError(f"--n {n}: ask for at least one")
-    return 16 if n is None else n
+    return SAMPLES if n is None else n
 
 
 def _hull(volumes: Any) -> Any:
