@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from unproject._pictures import write_picture
@@ -41,6 +42,7 @@ def in_child(argv: list[str], errors: Path, memory: int = GIB, seconds: float = 
             sys.stdout = io.StringIO()
             now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (now + memory, now + memory))
+            torch.set_num_threads(1)  # threads that this process has begun do not survive a fork
             sys.argv = ["unproject", *argv]
             status = main()
         except BaseException as error:
@@ -330,6 +332,8 @@ def test_a_folder_that_may_not_be_read_is_named(
 ) -> None:
     locked = folder / place
     locked.mkdir(exist_ok=True)
+    for recipe in ("shapes", "digits", "wood"):
+        main(["data", "inspect", str(folder), "--for", recipe])  # somebody else may not read what is imported
     (tmp_path / "stderr").touch()
     for path in (tmp_path, tmp_path.parent, tmp_path.parent.parent):
         path.chmod(0o777)
