@@ -25,6 +25,7 @@ import torch
 from torch import Tensor
 
 import unproject as up
+from unproject.data.readers.lights import FIRST
 from unproject.ops.maps import MAPS
 from unproject.projections.rendering import Rendering
 from unproject.recipes.materials import wood_materials
@@ -65,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(options.threads)
     print("| renderings | step | generator | projection | discriminators' update | rendering, both ways | its share |")
     print("|---" * 7 + "|")
-    for renderings in (("top", "grazing"), ("flash", "coloured"), ("flash", "coloured", "ambient")):
+    for renderings in (("top", "grazing"), ("flash", "coloured", "ambient"), FIRST):
         found = {name: median(values[WARM:]) for name, values in profile(renderings, options).items()}
         cells = [f"{found[name]:.3f} s" for name in ("step", *PARTS.values(), "rendering")]
         print(f"| {', '.join(renderings)} | " + " | ".join(cells) + f" | {found['rendering'] / found['step']:.0%} |")

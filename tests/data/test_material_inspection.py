@@ -136,7 +136,7 @@ def test_paths_that_clearly_hold_materials_need_no_recipe(tmp_path: Path, capsys
         assert main(["data", "inspect", str(folder), "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["for"] == "wood"
     run("inspect", tmp_path / "b")
-    assert "read as materials, for wood, metal or plastic; --for shapes" in capsys.readouterr().out
+    assert "read as materials, for wood, metal, plastic or fabric; --for shapes" in capsys.readouterr().out
     with pytest.raises(UserError, match="none of the 10 pictures can be used"):
         run("inspect", tmp_path / "a", for_="shapes")
 

@@ -82,7 +82,7 @@ def test_any_mix_of_observations() -> None:
 def test_photographs_count_more_than_maps() -> None:
     found = panels(wood_materials(maps=2, renderings=2, photograph_weight=2.5, **TOY))
     assert {name: panel.weight for name, panel in found.items()} == dict.fromkeys(MAPS, 1.0) | dict.fromkeys(
-        ("flash", "coloured", "ambient"), 2.5
+        ("flash", "coloured", "ambient", "overhead"), 2.5
     )
 
 
@@ -139,7 +139,7 @@ def test_daylight_needs_no_probes_and_comes_from_many_places() -> None:
 def test_direct_training_sees_as_many_images() -> None:
     recipe = wood_materials(views="direct", maps=6, renderings=4, **TOY)
     ((name, panel),) = panels(recipe).items()
-    assert name == "itself" and (len(panel), *panel.shape) == ((4 * 6 + 3 * 4) // 4, 8, 16, 16)
+    assert name == "itself" and (len(panel), *panel.shape) == ((4 * 6 + 4 * 4) // 4, 8, 16, 16)
 
 
 def test_the_procedural_data_sets_differ() -> None:
@@ -284,7 +284,7 @@ def test_patches_of_a_few_large_materials(tmp_path: Path) -> None:
     large = {name: part.numpy() for name, part in zip(MAPS, wood(2, 64, 0).split([3, 1, 1, 3], 1), strict=True)}
     np.savez(tmp_path / "few.npz", **large)  # pyright: ignore[reportArgumentType]
     recipe = wood_materials(data=tmp_path / "few.npz", maps=20, renderings=10, **TOY)
-    assert [len(panel) for panel in recipe.panels] == [20, 20, 20, 20, 10, 10, 10]
+    assert [len(panel) for panel in recipe.panels] == [20, 20, 20, 20, 10, 10, 10, 10]
 
 
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:

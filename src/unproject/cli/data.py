@@ -87,9 +87,9 @@ def _recipe_for(path: Path, framing: Framing | None) -> str:
 def _say_what_for(found: Inspection, recipe: str) -> None:
     """Say which recipe was chosen, if another one may be meant."""
     if recipe == "wood":
-        print("  read as materials, for wood, metal or plastic; --for shapes reads silhouettes")
+        print("  read as materials, for wood, metal, plastic or fabric; --for shapes reads silhouettes")
     elif sum("photograph" in row[2] for row in found.rows) > len(found.rows) / 2:
-        print("  read as silhouettes of objects; --for wood, metal or plastic reads photographs of surfaces")
+        print("  read as silhouettes of objects; --for wood, metal, plastic or fabric reads photographs of surfaces")
 
 
 def _say_size(path: Path) -> None:
@@ -101,7 +101,7 @@ def _say_size(path: Path) -> None:
     print(f"  shapes are learned at {chosen} voxels a side{short}")
 
 
-MATERIALS = ("wood", "metal", "plastic", "correlated")
+MATERIALS = ("wood", "metal", "plastic", "fabric", "correlated")
 
 
 def _framing(path: Path, mode: str | None, threshold: float | None, polarity: str | None) -> Framing | None:

@@ -1,6 +1,6 @@
 """Collections, their readers and the procedural data sets.
 
-`Collection` and `read` take what a path holds; `chairs`, `birds`, `cars`, `wood`, `metal`, `plastic` and
+`Collection` and `read` take what a path holds; `chairs`, `birds`, `cars`, `wood`, `metal`, `plastic`, `fabric` and
 `correlated` are made from formulas; `digits` are embedded; `observe` renders items as a camera would have collected
 them.
 """
@@ -16,7 +16,7 @@ from .material_inspection import holds_materials, inspect_materials
 from .observing import observe
 from .packing import Packed, pack
 from .procedural.light import daylight_probes, mixed_probes, procedural_probes
-from .procedural.materials.materials import correlated, metal, plastic, wood
+from .procedural.materials.materials import correlated, fabric, metal, plastic, wood
 from .procedural.shapes.birds import birds
 from .procedural.shapes.cars import cars
 from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
@@ -58,6 +58,7 @@ __all__ = [
     "daylight_probes",
     "digit_labels",
     "digits",
+    "fabric",
     "frame",
     "get",
     "holds_materials",

@@ -19,6 +19,7 @@ _HOME = {
     "wood": ("unproject.recipes.materials:wood_materials", "wood from maps and photographs, for a laptop"),
     "metal": ("unproject.recipes.materials:metal_materials", "metal from maps and photographs, for a laptop"),
     "plastic": ("unproject.recipes.materials:plastic_materials", "plastic from maps and photographs, for a laptop"),
+    "fabric": ("unproject.recipes.materials:fabric_materials", "fabric from maps and photographs, for a laptop"),
     "correlated": (
         "unproject.recipes.materials:correlated_materials",
         "materials some of whose maps are correlated by design: a test",

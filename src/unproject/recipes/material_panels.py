@@ -26,6 +26,7 @@ from ..data import (
     refuse_unsorted,
     unsorted,
 )
+from ..data.readers.lights import FIRST
 from ..data.readers.patches import side_to_cut_from
 from ..ops.maps import MAPS, places, with_specular
 from ..ops.microfacet import Reflection
@@ -162,9 +163,9 @@ def mirrored(observation: str, images: Tensor, axes: tuple[int, ...]) -> Tensor:
 
 
 def observations_of(data: Path | None) -> tuple[str, ...]:
-    """Return the observations that `data` has sub-folders for; else the maps, flash, coloured and ambient."""
+    """Return the observations that `data` has sub-folders for; else the maps and what determines them (`FIRST`)."""
     found = () if data is None else photographed(data)
-    return found or (*MAPS, "flash", "coloured", "ambient")
+    return found or (*MAPS, *FIRST)
 
 
 def panels_of(

@@ -32,7 +32,7 @@ from typing_extensions import Unpack
 from ..adversarial.losses import Logistic, Relativistic
 from ..adversarial.matching import Matching
 from ..adversarial.penalties import R1R2
-from ..data import correlated, metal, plastic, wood
+from ..data import correlated, fabric, metal, plastic, wood
 from ..networks import DCGANDiscriminator, DCGANMaterials, StationaryMaterials, TextureDiscriminator
 from ..ops.maps import MAPS
 from ..projections.standardised import SCALE
@@ -97,7 +97,7 @@ def materials(
         views: known (a discriminator for each observation) or direct (one of all maps jointly, with as many images in
             all).
         observations: which to use, by name (default: those that `data` has sub-folders for; else the four maps, flash,
-            coloured and ambient).
+            coloured, ambient and overhead).
         maps: samples of each map, at most as many as `data` has (default: all pictures of a folder that has
             sub-folders for observations, else 500).
         renderings: pictures of each kind of photograph, at most as many as `data` has (default: all of such a folder,
@@ -215,11 +215,18 @@ def _of(function: Callable[..., Recipe], procedural: Materials, name: str) -> Ca
     return resumable(made)
 
 
-PROCEDURAL: dict[str, Materials] = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
+PROCEDURAL: dict[str, Materials] = {
+    "wood": wood,
+    "metal": metal,
+    "plastic": plastic,
+    "fabric": fabric,
+    "correlated": correlated,
+}
 
 wood_materials = _of(materials, wood, "wood_materials")
 metal_materials = _of(materials, metal, "metal_materials")
 plastic_materials = _of(materials, plastic, "plastic_materials")
+fabric_materials = _of(materials, fabric, "fabric_materials")
 correlated_materials = _of(materials, correlated, "correlated_materials")
 wood_paper = _of(materials_paper, wood, "wood_paper")
 metal_paper = _of(materials_paper, metal, "metal_paper")

@@ -10,10 +10,14 @@ PHOTOGRAPHS = {"maps": 1000, "renderings": 5000}
 REAL_PHOTOGRAPHS = {"maps": 2246, "renderings": 2000}
 SET_PHOTOGRAPHS = {"maps": 1029, "renderings": 2000}
 LIGHTS = ("flash", "lamp", "top", "ambient")
-AS_MANY = {"renderings": 167}
-"""Renderings a kind: three kinds have as many in all as the paper's two kinds of 250."""
+AS_MANY = {"renderings": 125}
+"""Renderings a kind: four kinds have as many in all as the paper's two kinds of 250."""
 WOOD = Arm(
-    "wood-multi", "wood", "wood", "500 of each map, 167 each under a flash, coloured lamps, ambient light", AS_MANY
+    "wood-multi",
+    "wood",
+    "wood",
+    "500 of each map, 125 each under a flash, coloured lamps at 60° and at 12°, ambient light",
+    AS_MANY,
 )
 WOOD_NATURAL = Arm(
     "wood-natural",
@@ -26,9 +30,9 @@ WOOD_PAPER = Arm(
     "wood-multi-paper", "wood-paper", "wood", "500 of each map, 250 each from the top and grazing, the paper's recipe"
 )
 OTHER_LIGHT = (
-    "Modern arms have 167 renderings each under a flash, coloured lamps and ambient light, not 250 each from the top "
-    "and grazing under natural light: there renderings hardly change when maps are exchanged between materials "
-    "(docs/results.md). Recipe and light were chosen in some sixty trials, nearly all of the arm with many "
+    "Modern arms have 125 renderings each under a flash, coloured lamps at 60° and at 12°, and ambient light, not 250 "
+    "each from the top and grazing under natural light: there renderings hardly change when maps are exchanged between "
+    "materials (docs/results.md). Recipe and light were chosen in some eighty trials, nearly all of arms with many "
     "projections."
 )
 NARROW = (
@@ -107,8 +111,8 @@ MATERIALS: tuple[Figure, ...] = (
             OTHER_LIGHT,
             NARROW,
             "625 samples of all maps, not 650: 625 × 4 are the 2,500 images.",
-            "In the cpu budget arms of the paper's recipe have the same minutes, so the arm with one discriminator has "
-            "several times the steps; modern arms have the same steps, and differ in minutes.",
+            "In the cpu budget all arms have the same minutes, so those with one discriminator have several times the "
+            "steps.",
         ),
     ),
     Figure(
@@ -125,7 +129,7 @@ MATERIALS: tuple[Figure, ...] = (
                 "correlated",
                 "correlated",
                 "correlated",
-                "correlated by design: 500 of each map, 167 renderings of each kind, as above",
+                "correlated by design: 500 of each map, 125 renderings of each kind, as above",
                 AS_MANY,
             ),
         ),
@@ -171,13 +175,13 @@ MATERIALS: tuple[Figure, ...] = (
         "maps.",
         "250 for each projection fails; 8,000 renderings each succeed; four frontal kinds, 6,000 each, succeed.",
         arms=(
-            Arm("wood-few", "wood", "wood", "250 of each map, 167 renderings of each kind", {"maps": 250, **AS_MANY}),
+            Arm("wood-few", "wood", "wood", "250 of each map, 125 renderings of each kind", {"maps": 250, **AS_MANY}),
             Arm(
                 "wood-many",
                 "wood",
                 "wood",
-                "250 of each map, 5333 renderings of each kind",
-                {"maps": 250, "renderings": 5333},
+                "250 of each map, 4000 renderings of each kind",
+                {"maps": 250, "renderings": 4000},
             ),
             Arm(
                 "wood-lights",
@@ -236,7 +240,7 @@ MATERIALS: tuple[Figure, ...] = (
         deviations=(
             OWN_WOOD,
             OTHER_LIGHT,
-            "Three kinds of renderings share the number of the paper's two: 167 each for 250 each, 5,333 for 8,000. "
+            "Four kinds of renderings share the number of the paper's two: 125 each for 250 each, 4,000 for 8,000. "
             "The arm without maps has the paper's four lights; its directional light \"from a non-normal incidence "
             'direction" comes from anywhere within 80° of the normal.',
         ),

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from unproject._types import UserError
-from unproject.data import correlated, metal, plastic, wood
+from unproject.data import correlated, fabric, metal, plastic, wood
 from unproject.data.procedural.materials.correlated import FIELDS, octave_correlations
-from unproject.data.procedural.materials.materials import BLOCK, METAL, PLASTIC, WOOD
+from unproject.data.procedural.materials.fabric import (
+    WEAVES,
+    basket,
+    build_fabric,
+    denim,
+    herringbone,
+    plain,
+    satin,
+    twill,
+    woven,
+)
+from unproject.data.procedural.materials.materials import BLOCK, FABRIC, METAL, PLASTIC, WOOD
 from unproject.data.procedural.materials.metal import METALS, STRUCTURES
 from unproject.data.procedural.materials.noise import Chances, draw
 from unproject.data.procedural.materials.patterns import cells, normals, scratches, texels
@@ -16,7 +29,7 @@ from unproject.data.procedural.materials.plastic import MOULDS
 from unproject.data.procedural.materials.wood import SPECIES, wood_gloss
 from unproject.ops.maps import MAPS, check_maps, luminance, unpack_maps, with_specular
 
-DATA_SETS = {"wood": wood, "metal": metal, "plastic": plastic, "correlated": correlated}
+DATA_SETS = {"wood": wood, "metal": metal, "plastic": plastic, "fabric": fabric, "correlated": correlated}
 MANY = 160
 
 
@@ -97,7 +110,7 @@ def test_other_sizes(size):
         assert make(3, size).shape == (3, 8, size, size)
 
 
-@pytest.mark.parametrize("name", ["metal", "plastic", "correlated"])
+@pytest.mark.parametrize("name", ["metal", "plastic", "fabric", "correlated"])
 def test_they_tile(name, many):
     rows, columns = seam(many[name])
     assert 0.6 < rows < 1.4 and 0.6 < columns < 1.4
@@ -189,11 +202,71 @@ def test_gloss_goes_from_mirror_to_matt(many):
     assert float(typical.min()) < 0.05 and float(typical.max()) > 0.35
 
 
+@pytest.mark.parametrize("over, repeat, warp", [
+    (plain, 2, 1 / 2), (twill, 4, 1 / 2), (denim, 4, 3 / 4), (satin, 5, 4 / 5), (basket, 4, 1 / 2),
+    (herringbone, 8, 1 / 2),
+])  # fmt: skip
+def test_a_weave_repeats_itself_and_holds_together(over, repeat: int, warp: float):
+    """Every thread passes over and under others, or it would come loose."""
+    i, j = torch.meshgrid(torch.arange(-8.0, 40), torch.arange(-8.0, 40), indexing="ij")
+    above = over(i, j)
+    assert torch.equal(above[repeat:], above[:-repeat]) and torch.equal(above[:, repeat:], above[:, :-repeat])
+    assert float(above[: 40 - 40 % repeat, : 40 - 40 % repeat].float().mean()) == pytest.approx(warp)
+    for axis in (0, 1):
+        assert above.any(axis).all() and (~above).any(axis).all()
+
+
+def test_herringbone_is_mirrored_at_its_turns():
+    i, j = torch.meshgrid(torch.arange(8.0), torch.arange(8.0), indexing="ij")
+    above = herringbone(i, j)
+    assert torch.equal(above, above.flip(0)) and torch.equal(above[:4], twill(i, j)[:4])
+
+
+@pytest.mark.parametrize("over, repeat", [(plain, 2), (twill, 4), (satin, 5), (herringbone, 8)])
+@pytest.mark.parametrize("count, most", [(0.0, 8), (1.0, 16)])
+def test_a_tile_has_whole_repeats_of_a_weave(over, repeat: int, count: float, most: int):
+    """Rolled by one repeat, across its edges, it is itself."""
+    drawn = draw(FABRIC, range(3), 240, 0)
+    place = list(FABRIC.numbers).index("count")
+    made = woven(over, repeat)(replace(drawn, uniform=drawn.uniform.index_fill(1, torch.tensor([place]), count)))
+    repeats = round(most / repeat)
+    for axis in (2, 3):
+        torch.testing.assert_close(made.roll(240 // repeats, axis), made, atol=1e-4, rtol=0)
+
+
+def test_threads_that_stand_out_are_polished_and_lie_in_the_light(many):
+    """In each fabric without colours and prints: bright, smooth and reflecting where it is high."""
+    drawn = draw(FABRIC, range(MANY), 64, 0)
+    even = (
+        (drawn["design"] < 0.4) & (drawn["print"] < 0.65) & (drawn["melange"] <= 0) & (drawn["weave"] < 9)
+    ).flatten()
+    maps = many["fabric"][even]
+    light, specular, roughness = luminance(part(maps, "diffuse")), part(maps, "specular"), part(maps, "roughness")
+    assert even.sum() > 8
+    for dependent, sign in ((light, 1), (roughness, -1)):
+        both = torch.stack([specular.flatten(1), dependent.flatten(1)], 1)
+        assert all(sign * float(torch.corrcoef(pair)[0, 1]) > 0.5 for pair in both)
+
+
+def test_prints_have_no_relief(many):
+    """The same fabric without its print has the same normals, and nearly always other colours and another gloss."""
+    drawn = draw(FABRIC, range(MANY), 64, 0)
+    inked = (drawn["print"] >= 0.65).flatten()
+    place = list(FABRIC.numbers).index("print")
+    bare = replace(drawn, uniform=drawn.uniform.index_fill(1, torch.tensor([place]), 0.0)).take(inked)
+    without, maps = build_fabric(bare), many["fabric"][inked]
+    assert torch.equal(part(without, "normal"), part(maps, "normal"))
+    for name in ("diffuse", "roughness"):
+        differs = (part(without, name) - part(maps, name)).abs().amax((1, 2, 3)) > 0.01
+        assert float(differs.float().mean()) > 0.9
+
+
 @pytest.mark.parametrize("chances, field, kinds", [
     (METAL, "structure", len(STRUCTURES)),
     (PLASTIC, "mould", len(MOULDS)),
     (WOOD, "species", len(SPECIES)),
-], ids=["metal", "plastic", "wood"])  # fmt: skip
+    (FABRIC, "weave", len(WEAVES)),
+], ids=["metal", "plastic", "wood", "fabric"])  # fmt: skip
 def test_every_kind_comes_up(chances: Chances, field: str, kinds: int):
     drawn = draw(chances, range(MANY), 16, 0)[field].flatten().long()
     assert sorted(set(drawn.tolist())) == list(range(kinds))

@@ -55,8 +55,8 @@ KINDS = {
 """Name of the sub-folder → kind of photographs, all but `grazing` from above."""
 OBSERVATIONS = (*MAPS, *KINDS)
 """Names of sub-folders: maps, and photographs by their light and camera."""
-FIRST = ("flash", "coloured", "ambient")
-"""Kinds that determine the maps together, the one that shows most first."""
+FIRST = ("flash", "coloured", "ambient", "overhead")
+"""Kinds that determine the maps together, the one that shows most first: those of recipes without photographs."""
 
 
 def photographed(path: Path) -> tuple[str, ...]:

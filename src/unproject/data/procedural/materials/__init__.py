@@ -1,1 +1,1 @@
-"""Procedural data sets of surface materials: wood, metal, plastic, correlated."""
+"""Procedural data sets of surface materials: wood, metal, plastic, fabric, correlated."""

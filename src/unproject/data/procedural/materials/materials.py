@@ -1,4 +1,4 @@
-"""Procedural data sets of surface materials: `wood`, `metal`, `plastic` and `correlated`, of any length.
+"""Procedural data sets of surface materials: `wood`, `metal`, `plastic`, `fabric` and `correlated`, of any length.
 
 Maps (N, 8, S, S) as `ops.maps` packs them, or (N, 10, S, S) with a `coloured` specular albedo, for `fresnel="albedo"`:
 k_s is the reflectance at normal incidence itself, m the RMS slope of Beckmann, colours linear. Item k of a seed
@@ -8,6 +8,7 @@ sums may round otherwise in a batch of another length. Another number of threads
     wood          grain along y; tiles along the grain, and across where boards have gaps
     metal         brushed and ribbed ones run along x, the rest has no direction; tiles
     plastic       ribs run along x or y, the rest has no direction; tiles
+    fabric        warp, wales and stripes run along y; tiles
     correlated    no direction; tiles
 """
 
@@ -23,6 +24,8 @@ from ...._types import UserError
 from ....ops.maps import check_maps, with_specular
 from .correlated import CHANCES as CORRELATED
 from .correlated import build_correlated
+from .fabric import CHANCES as FABRIC
+from .fabric import build_fabric
 from .metal import CHANCES as METAL
 from .metal import build_metal
 from .noise import Chances, Draws, draw
@@ -65,6 +68,11 @@ def metal(count: int, size: int = 64, seed: int = 0, *, coloured: bool = False) 
 def plastic(count: int, size: int = 64, seed: int = 0, *, coloured: bool = False) -> Tensor:
     """The first `count` plastics of a seed, (count, 8, size, size); see `plastic.py`. Arguments and errors: `wood`."""
     return build(PLASTIC, build_plastic, count, size, seed, coloured)
+
+
+def fabric(count: int, size: int = 64, seed: int = 0, *, coloured: bool = False) -> Tensor:
+    """The first `count` fabrics of a seed, (count, 8, size, size); see `fabric.py`. Arguments and errors: `wood`."""
+    return build(FABRIC, build_fabric, count, size, seed, coloured)
 
 
 def correlated(
