@@ -11,6 +11,11 @@ docs/results/materials/told-apart.json.
 `--signs` does something coarser instead, to telling-signs.json: one map turned over about its own mean, its
 correlations with the others turned into their opposites; and gloss, k_s and m, made to follow the diffuse map's
 luminance, up or down, ρ = 0.9, whatever it followed before.
+
+`--means` exchanges only what a map is on the whole, its mean (of normals the steepness): what goes together between
+materials, not within one. With `--score means` or `covariances` the distances are those of the statistics that
+`up.Matching` brings to those of real pictures, and of how they go together between pictures, in mean squares of
+standard errors: 1 of true materials, if they were many.
 """
 
 from __future__ import annotations
@@ -26,6 +31,7 @@ from torch import Tensor
 
 from unproject.data import observe
 from unproject.metrics import patch_distance
+from unproject.ops.band_statistics import band_statistics
 from unproject.ops.maps import MAPS, luminance, pack_maps, unpack_maps
 from unproject.recipes.material_panels import VIEWED_FROM, natural_light, observation_of
 from unproject.recipes.materials import PROCEDURAL
@@ -38,20 +44,26 @@ SAMPLES, SIZE, HERE, ELSEWHERE = 32, 64, 2**40, 2**40 + 1
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=300)
-    parser.add_argument("--signs", action="store_true")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--signs", action="store_true")
+    what.add_argument("--means", action="store_true")
+    parser.add_argument("--score", choices=(*SCORES,), default="patches")
     parser.add_argument("--sets", nargs="*", default=[*PROCEDURAL])
     parser.add_argument("--seen", nargs="*", default=[], help="observations; scores go to a file named by them")
     options = parser.parse_args(argv)
+    cases, name = exchanges, "told-apart"
     if options.signs:
         cases, name = turned, "telling-signs"
-    else:
-        cases, name = exchanges, "told-apart"
-    name = "-".join([name, *options.seen])
+    elif options.means:
+        cases, name = means_exchanged, "telling-means"
+    score = SCORES[options.score]
+    name = "-".join([name, *([] if options.score == "patches" else [options.score]), *options.seen])
     about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
     light = natural_light([*VIEWED_FROM], None)
     observed = options.seen or [*VIEWED_FROM]
     table = {
-        made: {seen: told_apart(made, seen, light, options.n, cases) for seen in observed} for made in options.sets
+        made: {seen: told_apart(made, seen, light, options.n, cases, score) for seen in observed}
+        for made in options.sets
     }
     write(RESULTS / f"{name}.json", about | {"distances": table})
     columns = list(next(iter(next(iter(table.values())).values())))
@@ -65,8 +77,59 @@ Maps = dict[str, Tensor]
 Cases = Callable[[Maps], dict[str, Tensor]]
 
 
-def told_apart(made: str, seen: str, light: Tensor | None, n: int, cases: Cases) -> dict[str, float]:
-    """Return the patch distance of photographs of materials in each case to those of other materials as they are.
+def patches(found: Tensor, truth: Tensor) -> float:
+    return patch_distance(found, truth).mean
+
+
+def means(found: Tensor, truth: Tensor) -> float:
+    """Mean square of the differences of mean statistics, in standard errors."""
+    return squares(*statistics(found, truth))
+
+
+def covariances(found: Tensor, truth: Tensor) -> float:
+    """The same of the products of two principal components of the truth's statistics, none with itself."""
+    found, truth = statistics(found, truth)
+    values, vectors = torch.linalg.eigh(truth.T @ truth / len(truth))
+    rank = min(COMPONENTS, len(truth) // 8)
+    i, j = torch.triu_indices(rank, rank, 1)
+    products = []
+    for s in (found, truth):
+        w = s @ vectors[:, -rank:] / values[-rank:].sqrt()
+        w = w / (1 + w.square() / 9).sqrt()  # outliers would decide alone
+        products.append(w[:, i] * w[:, j])
+    return squares(*products)
+
+
+SCORES = {"patches": patches, "means": means, "covariances": covariances}
+COMPONENTS = 16
+
+
+def statistics(found: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the statistics of pictures (N, S) with the truth's mean and deviation taken as 0 and 1."""
+    deviation, centre = torch.std_mean(truth, (0, 2, 3), keepdim=True)
+    s, t = (
+        torch.cat([band_statistics(part) for part in ((x - centre) / deviation).split(64)]).double()
+        for x in (found, truth)
+    )
+    unit = t.std(0).clamp_min(1e-3)
+    return (s - t.mean(0)) / unit, (t - t.mean(0)) / unit
+
+
+def squares(a: Tensor, b: Tensor) -> float:
+    """Return the mean square of the differences of means of two samples, in standard errors."""
+    error = (a.var(0) / len(a) + b.var(0) / len(b)).clamp_min(1e-12)
+    return ((a.mean(0) - b.mean(0)).square() / error).mean().item()
+
+
+def told_apart(
+    made: str,
+    seen: str,
+    light: Tensor | None,
+    n: int,
+    cases: Cases,
+    score: Callable[[Tensor, Tensor], float] = patches,
+) -> dict[str, float]:
+    """Return how far photographs of materials in each case are from those of other materials as they are.
 
     Args:
         made: name of a procedural data set.
@@ -77,7 +140,7 @@ def told_apart(made: str, seen: str, light: Tensor | None, n: int, cases: Cases)
     maps = unpack_maps(PROCEDURAL[made](n, SIZE, ELSEWHERE))
     # The same draws of lights and views for all of them: they differ in the maps alone.
     pictures = {name: observe(changed, [observation], seed=1).items for name, changed in cases(maps).items()}
-    return {name: round(patch_distance(found, truth).mean, 4) for name, found in pictures.items()}
+    return {name: round(score(found, truth), 4) for name, found in pictures.items()}
 
 
 def exchanges(maps: Maps) -> dict[str, Tensor]:
@@ -90,6 +153,22 @@ def exchanged(maps: Maps, mixed: Sequence[str]) -> Tensor:
     """Materials whose named maps come each from another material."""
     shifts = {name: 1 + k for k, name in enumerate(mixed)}
     return pack_maps({name: part.roll(shifts.get(name, 0), 0) for name, part in maps.items()})
+
+
+def means_exchanged(maps: Maps) -> dict[str, Tensor]:
+    """No map, and each one with the mean, of normals the root mean square of slopes, of another material."""
+    found = {"none": pack_maps(maps)}
+    for name, x in maps.items():
+        if name == "normal":
+            slopes = x[:, :2] / x[:, 2:]
+            size = slopes.square().mean((1, 2, 3), keepdim=True).sqrt()
+            slopes = slopes * (size.roll(1, 0) / size.clamp(min=1e-6))
+            other = torch.nn.functional.normalize(torch.cat([slopes, torch.ones_like(x[:, 2:])], 1), dim=1)
+        else:
+            size = mean(x).mean(1, keepdim=True)
+            other = x * (size.roll(1, 0) / size)
+        found[f"mean {name}"] = pack_maps(maps | {name: other})
+    return found
 
 
 def turned(maps: Maps) -> dict[str, Tensor]:
