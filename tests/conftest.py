@@ -4,7 +4,7 @@ order and process it runs, so that what fails once fails always."""
 from __future__ import annotations
 
 import random
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 import pytest
@@ -13,6 +13,19 @@ from hypothesis import settings
 
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+
+
+ESTIMATED = {"test_chain.py", "test_results.py"}
+"""Modules that test what `train` says of the time and the memory of a step before it begins."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_estimates(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The estimate takes a second, which is longer than most toys train."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.name not in ESTIMATED:
+            patch.setattr("unproject.cli.train._estimate", lambda recipe, device: None)
+        yield
 
 
 def seed_all() -> None:

@@ -49,9 +49,8 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of cut-outs in the current directory, and of textures and photographs, as the README supposes."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Studio, "serve_forever", lambda self: None)  # it would until Ctrl-C
-    # Reports, previews and estimates have tests of their own, and take longer than two steps.
+    # Reports and previews have tests of their own, and take longer than two steps.
     monkeypatch.setattr("unproject.cli._report.leave_report", lambda run, quiet: None)
-    monkeypatch.setattr("unproject.cli.train._estimate", lambda recipe, device: None)
     monkeypatch.setattr("unproject.domains.Volumes.preview", lambda self, x: Image.new("L", (1, 1)))
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = tmp_path / "my_masks"

@@ -112,15 +112,13 @@ def dye(d: Draws, name: str) -> Tensor:
 
 def threads(d: Draws, warp: Tensor) -> Tensor:
     """Colours (B, 3, S, S) of the threads on top, of which `warp` (B, S, S) is the warp's share."""
-    first, second = dye(d, "first"), dye(d, "second")
-    along_x, along_y = (other_bands(d, axis) for axis in (0, 1))
-    design = d["design"]
-    two = ((design >= 0.4) & (design < 0.55)).float()
-    striped, checked = (design >= 0.55).float(), (design >= 0.75).float()
-    of_warp, of_weft = striped * along_x, torch.maximum(two, checked * along_y)
-    # Stripes show in warp and weft alike, or a weft of one colour would hide them in half of the weaves.
-    of_weft = torch.where((design >= 0.55) & (design < 0.75), along_x, of_weft)
-    return torch.lerp(first, second, torch.lerp(of_weft, of_warp.expand_as(warp), warp)[:, None])
+    design, (along_x, along_y) = d["design"], (other_bands(d, axis) for axis in (0, 1))
+    # Stripes are in warp and weft alike: in half of the weaves a weft of one colour would hide them.
+    bands = torch.where(design < 0.75, along_x, along_y)
+    second_weft = torch.where(design < 0.55, (design >= 0.4).float(), bands)
+    second_warp = torch.where(design < 0.55, 0.0, along_x).expand_as(warp)
+    second = torch.lerp(second_weft.expand_as(warp), second_warp, warp)
+    return torch.lerp(dye(d, "first"), dye(d, "second"), second[:, None])
 
 
 def other_bands(d: Draws, axis: int) -> Tensor:
