@@ -551,6 +551,20 @@ LIGHT_AND_MAPS = (
         "data/procedural/test_materials.py::test_metals_have_their_measured_colour_and_no_tint_below",
     ),
     mutant(
+        "evaluate: lines of a reference keep their own unit",
+        "cli/evaluate.py",
+        "against = against / unit_of(",
+        "against = against / 1.0 if against is not None else unit_of(",
+        "cli/test_fit.py::test_lines_in_another_unit_are_read_as_training_did",
+    ),
+    mutant(
+        "fit: lines keep their own unit",
+        "training/fitted_pictures.py",
+        "scale or unit_of(viewing.projection)",
+        "scale or 1.0",
+        "cli/test_fit.py::test_lines_in_another_unit_are_read_as_training_did",
+    ),
+    mutant(
         "fabric: threads that stand out are dull",
         "data/procedural/materials/fabric.py",
         'worn = -d["wear"] * top',

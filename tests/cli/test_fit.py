@@ -17,7 +17,9 @@ from unproject._types import UserError
 from unproject.cli import main
 from unproject.data import cars, chairs
 from unproject.projections import Silhouette
-from unproject.training.fitted_pictures import given_view, view_of
+from unproject.training import Run, load
+from unproject.training.fitted_pictures import given_view, observed, view_of
+from unproject.training.fitting import viewing_of
 
 QUICK = ["--candidates", "8", "--starts", "2", "--steps", "3", "--tune", "2", "--threads", "1"]
 
@@ -238,3 +240,25 @@ def test_lines_about_another_center_are_read_as_training_did(tmp_path: Path) -> 
     assert fit(run, scan, "--out", tmp_path / "fits", "--no-novelty") == 0
     assert len(entries(tmp_path / "fits")) == 12
     assert main(["evaluate", str(run), "--reference", str(scan), "--n", "8"]) == 0
+
+
+def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Readings of 50 times the lines' length, and what `evaluate` and `fit` make of them."""
+    run, scan = tmp_path / "run", tmp_path / "scan.npz"
+    readings = 50 * np.random.default_rng(0).random((4, 16, 3)).astype(np.float32)
+    np.savez(scan, sinograms=readings, angle=np.array([0.0, 1.0, 2.0]))
+    flags = ["--bins", "3", "--channels", "16", "--batch", "4", "--steps", "2", "--quiet"]
+    assert main(["train", "digits", "--data", str(scan), *flags, "--out", str(run)]) == 0
+    opened = load(run)
+    panels = opened.recipe().panels
+    unit = panels[0].observations[0].projection.unit  # pyright: ignore[reportAttributeAccessIssue]
+    assert unit == pytest.approx(100, rel=0.05)
+    compared: list[torch.Tensor] = []
+    monkeypatch.setattr(Run, "evaluate", lambda self, against, **_: compared.append(against) or {})
+    assert main(["evaluate", str(run), "--reference", str(scan)]) == 0
+    viewing = viewing_of(opened.assignments(opened.recipe())[0])
+    compared.append(observed(opened, [scan], viewing).floats())
+    learned = torch.cat([collection.floats() for panel in panels for collection in panel.collections])
+    for found in compared:
+        torch.testing.assert_close(found.sort(0).values, learned.sort(0).values)
+    assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()

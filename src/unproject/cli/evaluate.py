@@ -52,6 +52,7 @@ def run(
     from ..data.measured_lines import about_middle
     from ..recipes.held_out import held_out
     from ..training import load
+    from ..training.fitted_pictures import unit_of
     from ..training.run_directory import read_origin
 
     use_threads(threads)
@@ -59,13 +60,14 @@ def run(
         raise UserError(f"--n {n}: give at least 1")
     opened = load(path, trust=trust)
     size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
+    opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
     if reference is not None:
         against = opened.domain.read(reference, size).floats()
         if opened.domain.name == "image" and against.dim() == 3:
             against = about_middle(against, origin.arguments.get("center") if origin else None, str(reference))
+            against = against / unit_of(opened.recipe(trust).panels[0].observations[0].projection)
     else:
         against = held_out(origin, size, count)
-    opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
     verdict = verdict_of(opened, seed)
     if json:

@@ -25,7 +25,7 @@ def run(
     light: str | None = None,
     observation: str | None = None,
     together: bool = False,
-    scale: float = 1.0,
+    scale: float | None = None,
     to: str | None = None,
     candidates: int = 256,
     starts: int = 8,
@@ -55,7 +55,7 @@ def run(
         light: of photographs of materials, as for `unproject render`; without --view from above.
         observation: which of the run's observations made the pictures (`top`, `flash`; default: its only ones).
         together: all pictures show one object (default: an object each; lines of one sinogram are of one image).
-        scale: what readings of line integrals are divided by, as in training (`unproject data inspect` prints it).
+        scale: what readings of line integrals are divided by (default: what those of training were).
         to: the format of what is found (default: glb of shapes, maps of materials, png of images); see `export`.
         candidates: samples that are compared with the pictures first.
         starts: of the descent, and explanations.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import torch
@@ -27,6 +27,8 @@ class LineIntegral(Projection):
 
     Attributes:
         bins: number of detectors (default: the width of the image in pixels).
+        unit: what a line integral of 1 is in the unit of readings that were measured: they are divided by it to be
+            compared with projections, which it does not change.
         fast: visit only the detectors that a pixel projects to (`ops.line_integrals`): same values, faster.
 
     Raises:
@@ -43,6 +45,7 @@ class LineIntegral(Projection):
 
     bins: int | None = None
     fast: bool = True
+    unit: float = field(default=1.0, metadata={"described": False})
     linear: ClassVar[bool] = True
     example_shape: ClassVar[tuple[int, ...]] = (1, 8, 8)
 

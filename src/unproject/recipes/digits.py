@@ -181,12 +181,11 @@ class Scan(NamedTuple):
 
 
 class Source(NamedTuple):
-    """What `data` holds: images, or lines that were measured, as `LineIntegral` makes them, divided by `scale`."""
+    """What `data` holds: images, or lines that were measured, as `line_integral` makes them, in its unit."""
 
     collection: Collection
     line_integral: LineIntegral
     measured: bool
-    scale: float
 
 
 def source_of(data: Path | None, views: Views, scan: Scan) -> Source:
@@ -203,10 +202,10 @@ def source_of(data: Path | None, views: Views, scan: Scan) -> Source:
             raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
         scale = scale_of(found)
         found = standardised_lines(found, scan.bins, scale, scan.center)
-        return Source(found, LineIntegral(found.shape[1]), True, scale)
+        return Source(found, LineIntegral(found.shape[1], unit=scale), True)
     if scan.center is not None:
         raise UserError(f"{data or 'digits'}: center={scan.center:g} is of measured lines; leave it out for images")
-    return Source(found, LineIntegral(scan.size), False, 1.0)
+    return Source(found, LineIntegral(scan.size), False)
 
 
 def line_panel(source: Source, views: Views, scan: Scan, seed: int, predicted: Predicted, whole: bool = False) -> Panel:
@@ -235,7 +234,7 @@ def anchor_panel(anchors: Path, source: Source, views: Views, scan: Scan) -> Pan
         raise UserError(
             f"{anchors}: anchors stand beside lines of unknown direction; leave them out with {views} views"
         )
-    found = standardised_lines(Collection.lines(anchors), scan.bins, source.scale, scan.center)
+    found = standardised_lines(Collection.lines(anchors), scan.bins, source.line_integral.unit, scan.center)
     if found.shape[1] != source.line_integral.bins:
         raise UserError(f"{anchors}: has lines of {found.shape[1]} detectors, not {source.line_integral.bins}")
     panel = panel_of("known", directions(scan.bins, spread_of(scan, source), source.line_integral), found)

@@ -178,7 +178,7 @@ def _read(asked: Asked, means: Means) -> Collection:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"picture{Path(asked.name).suffix.lower()}"
         file.write_bytes(asked.content)
-        found = _told(lambda: observed(means.run, [file], viewing, 1.0), str(file), asked.name[:80])
+        found = _told(lambda: observed(means.run, [file], viewing), str(file), asked.name[:80])
         found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
     first = object_of(found.names[0])
     return found.subset([row for row, name in enumerate(found.names) if object_of(name) == first])

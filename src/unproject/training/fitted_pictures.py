@@ -17,7 +17,7 @@ from ..data import Collection, are_pictures, mapped, read, read_photographs, rea
 from ..data.measured_lines import standardised_lines
 from ..data.readers.pictures import picture_files
 from ..inversion import DOUBTFUL, Fit, Viewing
-from ..projections import Cropped, FramedSilhouette, Silhouette, Standardised
+from ..projections import Cropped, FramedSilhouette, LineIntegral, Projection, Silhouette, Standardised
 from .run_directory import read_recipe
 
 if TYPE_CHECKING:
@@ -57,8 +57,12 @@ def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
     return viewing
 
 
-def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float) -> Collection:
-    """Return the pictures, as the viewing's projection makes them."""
+def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float | None = None) -> Collection:
+    """Return the pictures, as the viewing's projection makes them.
+
+    Args:
+        scale: what line integrals are divided by (default: the unit of the viewing's projection).
+    """
     size, listed = opened.generator.sample(1, batch=1).shape[-1], are_pictures(paths)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
@@ -69,13 +73,20 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float)
         return found
     if opened.domain.name == "image":
         center = read_recipe(opened.path)["arguments"].get("center")
-        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), scale, center)
+        return standardised_lines(
+            Collection.lines(paths[0]), max(len(viewing.priors), 1), scale or unit_of(viewing.projection), center
+        )
     if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
         return read(paths[0], size, pictures="images")
     found = read_silhouettes(paths, 2 * size) if listed else read(paths[0], 2 * size if paths[0].is_dir() else None)
     return mapped(found, viewing.projection.prepare)
+
+
+def unit_of(projection: Projection) -> float:
+    """Return what measured readings are divided by before they are compared with projections."""
+    return projection.unit if isinstance(projection, LineIntegral) else 1.0
 
 
 def known_views(found: Collection, viewing: Viewing, given: Mapping[str, float]) -> dict[str, Tensor] | None:
