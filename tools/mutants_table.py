@@ -1298,7 +1298,7 @@ ADVERSARIAL = (
     mutant(
         "digits: anchors in a unit of their own",
         "recipes/digits.py",
-        "scan.bins, source.scale, scan.center)",
+        "scan.bins, source.line_integral.unit, scan.center)",
         "scan.bins, 1.0, scan.center)",
         "recipes/test_digits.py",
     ),
