@@ -572,6 +572,20 @@ LIGHT_AND_MAPS = (
         "data/procedural/test_materials.py::test_threads_that_stand_out_are_polished_and_lie_in_the_light",
     ),
     mutant(
+        "fabric: stripes cut threads along their length",
+        "data/procedural/materials/fabric.py",
+        '_made(0.10 * d["thick"] / n * top, top, above.float(), (i + 0.5) / n, (j + 0.5) / n)',
+        '_made(0.10 * d["thick"] / n * top, top, above.float(), x, y)',
+        "data/procedural/test_materials.py::test_a_thread_has_one_colour",
+    ),
+    mutant(
+        "fabric: checks show in the warp only",
+        "data/procedural/materials/fabric.py",
+        "bands = torch.where(design < 0.75, along_x, along_y)",
+        "bands = along_x",
+        "data/procedural/test_materials.py::test_designs_show_in_their_threads",
+    ),
+    mutant(
         "fabric: a print has relief",
         "data/procedural/materials/fabric.py",
         "normals(height + creased",

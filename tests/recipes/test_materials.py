@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -77,6 +78,21 @@ def test_any_mix_of_observations() -> None:
         wood_materials(observations=("smell",), **TOY)
     with pytest.raises(UserError, match="at least one"):
         wood_materials(maps=0, renderings=0, **TOY)
+
+
+@pytest.mark.parametrize("views", ["known", "direct"])
+def test_a_run_of_before_a_photograph_goes_on_without(views: Literal["known", "direct"], tmp_path: Path) -> None:
+    """Recipes write down now which observations they chose; runs of before did not, and had one fewer."""
+    older = (*MAPS, "flash", "coloured", "ambient")
+    flags: dict[str, Any] = {"maps": 4, "renderings": 4, "views": views, **TOY}
+    train(wood_materials(observations=older, **flags), tmp_path / "run", quiet=True)
+    file = tmp_path / "run" / "recipe.json"
+    stored = json.loads(file.read_text())
+    stored["arguments"]["observations"] = None
+    file.write_text(json.dumps(stored))
+    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
+    origin = wood_materials(**flags).origin
+    assert origin is not None and [*origin.arguments["observations"]] == [*older, "overhead"]
 
 
 def test_photographs_count_more_than_maps() -> None:

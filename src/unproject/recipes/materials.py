@@ -212,7 +212,23 @@ def _of(function: Callable[..., Recipe], procedural: Materials, name: str) -> Ca
     rest = [p for p in signature.parameters.values() if p.name != "procedural"]
     vars(made)["__signature__"] = signature.replace(parameters=rest)
     made.__name__ = made.__qualname__ = name
-    return resumable(made)
+    return with_observations(resumable(made)) if function is materials else resumable(made)
+
+
+def with_observations(function: Callable[..., Recipe]) -> Callable[..., Recipe]:
+    """Give a recipe function the observations that its data have, unless some are given.
+
+    It goes around `resumable`, so that recipe.json holds them: a run keeps its own whatever is put beside its data, and
+    whatever later versions choose.
+    """
+
+    @wraps(function)
+    def made(**flags: Any) -> Recipe:
+        if flags.get("observations") is None:
+            flags["observations"] = observations_of(flags.get("data"))
+        return function(**flags)
+
+    return made
 
 
 PROCEDURAL: dict[str, Materials] = {

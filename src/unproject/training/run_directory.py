@@ -148,6 +148,8 @@ def read_origin(path: Path) -> Origin | None:
         return None
     if function.startswith("unproject."):
         arguments = {**_before_there_was(function, stored["resolved"]), **arguments}
+        if function.startswith("unproject.recipes.materials:") and arguments.get("observations") is None:
+            arguments["observations"] = _observed(stored["resolved"])
     return Origin(recipe, function, arguments)
 
 
@@ -158,6 +160,14 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
         terms = json.dumps(resolved.get("regulariser"))
         older |= {flag: 0.0 for flag in ("rectilinear", "varied") if flag.capitalize() not in terms}
     return older
+
+
+def _observed(resolved: dict[str, Any]) -> list[str]:
+    """Return the observations of a run of materials of before recipes wrote down which they had chosen."""
+    names = [panel["observations"][0]["name"] for panel in resolved["panels"]]
+    return (
+        ["diffuse", "specular", "roughness", "normal", "flash", "coloured", "ambient"] if "itself" in names else names
+    )
 
 
 def check_same(path: Path, recipe: Recipe) -> None:

@@ -229,6 +229,7 @@ def test_a_tile_has_whole_repeats_of_a_weave(over, repeat: int, count: float, mo
     drawn = draw(FABRIC, range(3), 240, 0)
     place = list(FABRIC.numbers).index("count")
     made = woven(over, repeat)(replace(drawn, uniform=drawn.uniform.index_fill(1, torch.tensor([place]), count)))
+    made = made[:, :3]  # the last two say where threads are
     repeats = round(most / repeat)
     for axis in (2, 3):
         torch.testing.assert_close(made.roll(240 // repeats, axis), made, atol=1e-4, rtol=0)
@@ -248,14 +249,65 @@ def test_threads_that_stand_out_are_polished_and_lie_in_the_light(many):
         assert all(sign * float(torch.corrcoef(pair)[0, 1]) > 0.5 for pair in both)
 
 
+def bare(designs: tuple[float, float]):
+    """What was drawn of fabrics with these designs, dyed in dark flax and plum alone."""
+    drawn = draw(FABRIC, range(4 * MANY), 60, 0)
+    fixed = {"print": 0.0, "melange": 0.0, "light": 0.0, "first": 1.5 / 12, "second": 0.999}
+    uniform = drawn.uniform.clone()
+    for place, name in enumerate(FABRIC.numbers):
+        uniform[:, place] = fixed.get(name, uniform[:, place])
+    chosen = (drawn["design"] >= designs[0]) & (drawn["design"] < designs[1])
+    return replace(drawn, uniform=uniform).take(chosen.flatten())
+
+
+def changes(design: tuple[float, float], axis: int, kinds: tuple[int, ...]):
+    """Whether colours of fabrics of these kinds change along an axis."""
+    drawn = bare(design)
+    drawn = drawn.take(sum(drawn["weave"].floor() == kind for kind in kinds).flatten() > 0)
+    found = hue(drawn)
+    assert len(found) > 5
+    return (found - found.roll(1, axis - 1)).abs().amax((1, 2)) > 0.01
+
+
+def hue(drawn):
+    """The share of green, which shadows do not change."""
+    colour = part(build_fabric(drawn), "diffuse")
+    return colour[:, 1] / colour.sum(1)
+
+
+def test_designs_show_in_their_threads():
+    """Corduroy, all warp, has a second colour in stripes and checks only, both along y; a check shows in the weft."""
+    plain_cloth, two, stripes, checks = (0.0, 0.4), (0.4, 0.55), (0.55, 0.75), (0.75, 1.0)
+    for design in (plain_cloth, two):
+        assert not changes(design, 3, (8,)).any()
+    for design in (stripes, checks):
+        assert changes(design, 3, (8,)).float().mean() > 0.8 and not changes(design, 2, (8,)).any()
+    weaves = tuple(range(7))
+    assert not changes(plain_cloth, 2, weaves).any() and changes(two, 2, weaves).all()
+    assert not changes(stripes, 2, weaves).any()
+    assert changes(checks, 2, weaves).float().mean() > 0.8
+
+
+def test_a_thread_has_one_colour():
+    """Stripes of woven cloth change where one thread of the warp ends and the next begins."""
+    drawn = bare((0.55, 0.75))
+    drawn = drawn.take((drawn["weave"] < 2).flatten())
+    found = hue(drawn)
+    threads = 2 * torch.ceil((8 + 8 * drawn["count"].flatten()) / 2 - 0.5)
+    place = (torch.arange(60) + 0.5) / 60
+    for one, n in zip(found, threads, strict=True):
+        of_thread = (place * n).floor()
+        assert max(float(one[:, of_thread == k].std()) for k in range(int(n))) < 1e-5
+
+
 def test_prints_have_no_relief(many):
     """The same fabric without its print has the same normals, and nearly always other colours and another gloss."""
     drawn = draw(FABRIC, range(MANY), 64, 0)
     inked = (drawn["print"] >= 0.65).flatten()
     place = list(FABRIC.numbers).index("print")
-    bare = replace(drawn, uniform=drawn.uniform.index_fill(1, torch.tensor([place]), 0.0)).take(inked)
-    without, maps = build_fabric(bare), many["fabric"][inked]
-    assert torch.equal(part(without, "normal"), part(maps, "normal"))
+    clean = replace(drawn, uniform=drawn.uniform.index_fill(1, torch.tensor([place]), 0.0)).take(inked)
+    without, maps = build_fabric(clean), many["fabric"][inked]
+    torch.testing.assert_close(part(without, "normal"), part(maps, "normal"), atol=1e-5, rtol=0)
     for name in ("diffuse", "roughness"):
         differs = (part(without, name) - part(maps, name)).abs().amax((1, 2, 3)) > 0.01
         assert float(differs.float().mean()) > 0.9

@@ -3,21 +3,21 @@
 A weave is a rule that says at each crossing whether the warp, which runs along y, or the weft lies on top. A thread is
 a band that is round across and dives where it goes under another one,
 
-    height = thickness · top,   top = cos(π along) · (1 - (2 across)⁴)
+    height = thickness · top,   top = cos(π along) · (1 - (2 across / width)⁴)
 
 of along and across in widths of a crossing, from its middle; a float, which passes over several, dives at its ends
 only. Threads that stand out are polished, what lies between them is dark, dull and reflects less:
 
     k_d = colour · (1 - dirt · (1 - top)),   k_s = k · (1 - ½ (1 - top)),   m = m₀ · exp(-wear · top + fibres)
 
-of a fibre's k and m₀: wool and cotton are matt, silk and polyester glossy. A print lies on the threads: it has a colour
-and a gloss of its own and no relief. All tile; warp and wales run along y.
+of a fibre's k and m₀: wool and cotton are matt, silk and polyester glossy. A thread has one colour. A print lies on
+the threads: it has a colour and a gloss of its own and no relief. All tile; warp and wales run along y.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
@@ -43,7 +43,7 @@ DYES = (
 )
 """Colours of threads in sRGB, from white and flax to plum."""
 BANDS = 8
-"""Bands of threads of one colour a tile, as many as the coarsest weave has threads."""
+"""Places in a tile where colours are drawn, as many as coarse weaves have threads; a thread has that of its middle."""
 MOST = 16
 """Threads a tile at most."""
 
@@ -56,6 +56,7 @@ CHANCES = Chances(
         "second": Span(0, len(DYES) - 1e-4, "the same, of the weft or of the other bands"),
         "third": Span(0, len(DYES) - 1e-4, "the same, of the print"),
         "print": Span(0, 1, "none below 0.65, dots to 0.8, blots to 0.9, a trellis"),
+        "repeats": Span(2, 5 - 1e-4, "how often dots and lines of a print are repeated"),
         "ink": Span(0.5, 1.4, "roughness of the print, of that of the threads"),
         "fibre": Span(0, 1, "wool and cotton below 0.6, above it silk and polyester"),
         "gloss": Span(0, 1, "of the fibre, within its kind"),
@@ -70,7 +71,7 @@ CHANCES = Chances(
         "creases": Span(-1.0, 1.0, "how deep the cloth is creased; it lies flat below 0"),
     },
     {"bands": 2 * BANDS},
-    ("fibres", "creases", "melange", "print"),
+    ("fibres", "creases", "melange", "print", "tufts"),
 )
 
 Over = Callable[[Tensor, Tensor], Tensor]
@@ -79,12 +80,12 @@ Over = Callable[[Tensor, Tensor], Tensor]
 
 def build_fabric(d: Draws) -> Tensor:
     """Maps (B, 8, S, S) of drawn fabrics."""
-    height, top, warp = by_kind(d["weave"], WEAVES, d).unbind(1)
+    height, top, warp, *middles = by_kind(d["weave"], WEAVES, d).unbind(1)
     fibres = d.grain("fibres", 24.0, 10.0)
     hollow = 1 - top
     inked = printed(d)
     melange = d["melange"].clamp(min=0) * d.grain("melange", 18.0, 12.0).clamp(-2, 2)
-    dyed = torch.lerp(threads(d, warp), dye(d, "third"), inked[:, None])
+    dyed = torch.lerp(threads(d, warp, middles), dye(d, "third"), inked[:, None])
     shade = torch.exp(melange + 0.05 * d["fuzz"] * fibres) * (1 - d["dirt"] * hollow)
     k, m = fibre(d)
     worn = -d["wear"] * top + 0.08 * d["fuzz"] * fibres.clamp(-3, 3)
@@ -110,29 +111,31 @@ def dye(d: Draws, name: str) -> Tensor:
     return colours(DYES, d[name]) * torch.exp(d["light"])[..., None]
 
 
-def threads(d: Draws, warp: Tensor) -> Tensor:
-    """Colours (B, 3, S, S) of the threads on top, of which `warp` (B, S, S) is the warp's share."""
-    design, (along_x, along_y) = d["design"], (other_bands(d, axis) for axis in (0, 1))
+def threads(d: Draws, warp: Tensor, middles: Sequence[Tensor]) -> Tensor:
+    """Colours (B, 3, S, S) of the threads on top.
+
+    Args:
+        warp: 1 where the warp is, 0 where the weft is.
+        middles: x of the middle of the warp's thread, y of the weft's, in [0, 1).
+    """
+    design, (along_x, along_y) = d["design"], (other_bands(d, axis, middle) for axis, middle in enumerate(middles))
     # Stripes are in warp and weft alike: in half of the weaves a weft of one colour would hide them.
     bands = torch.where(design < 0.75, along_x, along_y)
     second_weft = torch.where(design < 0.55, (design >= 0.4).float(), bands)
-    second_warp = torch.where(design < 0.55, 0.0, along_x).expand_as(warp)
-    second = torch.lerp(second_weft.expand_as(warp), second_warp, warp)
-    return torch.lerp(dye(d, "first"), dye(d, "second"), second[:, None])
+    second_warp = torch.where(design < 0.55, 0.0, along_x)
+    return torch.lerp(dye(d, "first"), dye(d, "second"), torch.where(warp > 0.5, second_warp, second_weft)[:, None])
 
 
-def other_bands(d: Draws, axis: int) -> Tensor:
-    """1 in the bands that have the second colour: (B, 1, S) along x, (B, S, 1) along y."""
-    place = (texels(d.size)[axis] * BANDS).long().flatten()
+def other_bands(d: Draws, axis: int, middle: Tensor) -> Tensor:
+    """1 where threads of this axis have the second colour, (B, S, S)."""
     drawn = d.table("bands")[:, axis * BANDS : (axis + 1) * BANDS] < 0.4
-    found = drawn[:, place].float()
-    return found[:, None, :] if axis == 0 else found[:, :, None]
+    return drawn.gather(1, (middle * BANDS).long().flatten(1)).view_as(middle).float()
 
 
 def printed(d: Draws) -> Tensor:
     """Share (B, S, S) of ink: dots, blots, or a trellis of lines."""
     x, y = texels(d.size)
-    n = 2 + (3 * d["ink"] / 1.4).floor()
+    n = d["repeats"].floor()
     row = (y * n * 2).floor()
     u, v = wrapped(x * n + 0.5 * row.remainder(2) + 0.5), (y * n * 2 - row - 0.5) / 2
     dots = smooth(0.5 + (0.17 - torch.hypot(u, v)) * d.size / n)
@@ -144,7 +147,7 @@ def printed(d: Draws) -> Tensor:
 
 
 def woven(over: Over, repeat: int) -> Callable[[Draws], Tensor]:
-    """Return what makes height, top and the warp's share, (B, 3, S, S), of a weave that repeats itself."""
+    """Return what makes height, top, warp or weft, and the middles of both threads, (B, 5, S, S)."""
 
     def made(d: Draws) -> Tensor:
         x, y = texels(d.size)
@@ -158,7 +161,7 @@ def woven(over: Over, repeat: int) -> Callable[[Draws], Tensor]:
         passes = torch.where(along > 0, after, before)
         dive = torch.where(passes, torch.ones_like(along), torch.cos(math.pi * along))
         top = (dive * (1 - (2 * across) ** 4)).clamp(min=0)
-        return torch.stack([0.10 * d["thick"] / n * top, top, above.float()], 1)
+        return _made(0.10 * d["thick"] / n * top, top, above.float(), (i + 0.5) / n, (j + 0.5) / n)
 
     return made
 
@@ -193,25 +196,32 @@ def knitted(d: Draws) -> Tensor:
     x, y = texels(d.size)
     wales = (4 + 4.99 * d["count"]).floor()
     u = (x * wales).remainder(1.0) - 0.5
-    row = y * (1.4 * wales).round() + 0.8 * u.abs()
+    rows = (1.4 * wales).round()
+    row = y * rows + 0.8 * u.abs()
     leg = (1 - (4 * (u.abs() - 0.25)) ** 2).clamp(min=0)
     top = leg * torch.sin(math.pi * row.remainder(1.0)).clamp(min=0) ** 0.6
-    return torch.stack([0.12 * d["thick"] / wales * top, top, torch.zeros_like(top)], 1)
+    middles = ((x * wales).floor() + 0.5) / wales, ((row.floor() + 0.5) / rows).remainder(1.0)
+    return _made(0.12 * d["thick"] / wales * top, top, torch.zeros_like(top), *middles)
 
 
 def corduroy(d: Draws) -> Tensor:
     """Round wales of pile."""
-    x, _ = texels(d.size)
+    x, y = texels(d.size)
     wales = (4 + 8.99 * d["count"]).floor()
     top = torch.cos(math.pi * wrapped(x * wales)).clamp(min=0).expand(-1, d.size, -1) ** 0.7
-    return torch.stack([0.14 * d["thick"] / wales * top, top, torch.ones_like(top)], 1)
+    return _made(0.14 * d["thick"] / wales * top, top, torch.ones_like(top), ((x * wales).round() / wales) % 1, y)
 
 
 def felt(d: Draws) -> Tensor:
     """Fibres that lie anyhow, pressed."""
-    tufts = d.grain("melange", 9.0, 5.0)
+    x, y = texels(d.size)
+    tufts = d.grain("tufts", 9.0, 5.0)
     top = smooth(0.7 + 0.25 * tufts)
-    return torch.stack([0.004 * d["thick"] * tufts, top, torch.ones_like(top)], 1)
+    return _made(0.004 * d["thick"] * tufts, top, torch.ones_like(top), x, y)
+
+
+def _made(height: Tensor, top: Tensor, *rest: Tensor) -> Tensor:
+    return torch.stack([height, *(part.expand_as(height) for part in (top, *rest))], 1)
 
 
 WEAVES = (
