@@ -78,7 +78,7 @@ def compared(run: up.Run, given: argparse.Namespace) -> dict[str, object]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--run", type=Path, required=True)
-    parser.add_argument("--material", choices=("wood", "metal", "plastic"), default="wood")
+    parser.add_argument("--material", choices=("wood", "metal", "plastic", "fabric"), default="wood")
     parser.add_argument("--n", type=int, default=40)
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()

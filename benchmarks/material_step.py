@@ -2,8 +2,8 @@
 
     python benchmarks/material_step.py --steps 40 --threads 1
 
-Of the six-projection recipe, with the seed's renderings (natural light, top and grazing) and with flash and coloured
-lamps.
+Of four maps and renderings: those of the paper (natural light, top and grazing), flash, coloured lamps and ambient
+light, and all kinds that recipes have by default.
 Rendering is timed where it happens: the projection's call and, through hooks on its result and its argument, the way
 back. Medians over steps, of the clock on the wall.
 """

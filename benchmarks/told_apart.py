@@ -12,10 +12,9 @@ docs/results/materials/told-apart.json.
 correlations with the others turned into their opposites; and gloss, k_s and m, made to follow the diffuse map's
 luminance, up or down, ρ = 0.9, whatever it followed before.
 
-`--means` exchanges only what a map is on the whole, its mean (of normals the steepness): what goes together between
-materials, not within one. With `--score means` or `covariances` the distances are those of the statistics that
-`up.Matching` brings to those of real pictures, and of how they go together between pictures, in mean squares of
-standard errors: 1 of true materials, if they were many.
+With `--score means` or `covariances` the distances are those of the statistics that `up.Matching` brings to those of
+real pictures, and of how they go together between pictures, in mean squares of standard errors: about 1 of true
+materials.
 """
 
 from __future__ import annotations
@@ -44,9 +43,7 @@ SAMPLES, SIZE, HERE, ELSEWHERE = 32, 64, 2**40, 2**40 + 1
 def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=300)
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--signs", action="store_true")
-    what.add_argument("--means", action="store_true")
+    parser.add_argument("--signs", action="store_true")
     parser.add_argument("--score", choices=(*SCORES,), default="patches")
     parser.add_argument("--sets", nargs="*", default=[*PROCEDURAL])
     parser.add_argument("--seen", nargs="*", default=[], help="observations; scores go to a file named by them")
@@ -54,8 +51,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     cases, name = exchanges, "told-apart"
     if options.signs:
         cases, name = turned, "telling-signs"
-    elif options.means:
-        cases, name = means_exchanged, "telling-means"
     score = SCORES[options.score]
     name = "-".join([name, *([] if options.score == "patches" else [options.score]), *options.seen])
     about = {"n": options.n, "samples": SAMPLES, "environment": environment()}
@@ -153,22 +148,6 @@ def exchanged(maps: Maps, mixed: Sequence[str]) -> Tensor:
     """Materials whose named maps come each from another material."""
     shifts = {name: 1 + k for k, name in enumerate(mixed)}
     return pack_maps({name: part.roll(shifts.get(name, 0), 0) for name, part in maps.items()})
-
-
-def means_exchanged(maps: Maps) -> dict[str, Tensor]:
-    """No map, and each one with the mean, of normals the root mean square of slopes, of another material."""
-    found = {"none": pack_maps(maps)}
-    for name, x in maps.items():
-        if name == "normal":
-            slopes = x[:, :2] / x[:, 2:]
-            size = slopes.square().mean((1, 2, 3), keepdim=True).sqrt()
-            slopes = slopes * (size.roll(1, 0) / size.clamp(min=1e-6))
-            other = torch.nn.functional.normalize(torch.cat([slopes, torch.ones_like(x[:, 2:])], 1), dim=1)
-        else:
-            size = mean(x).mean(1, keepdim=True)
-            other = x * (size.roll(1, 0) / size)
-        found[f"mean {name}"] = pack_maps(maps | {name: other})
-    return found
 
 
 def turned(maps: Maps) -> dict[str, Tensor]:

@@ -74,8 +74,8 @@ def test_photographs_of_exchanged_maps_are_compared(named: object, monkeypatch: 
     told_apart = named("told_apart")  # type: ignore[operator]
     monkeypatch.setattr(told_apart, "SIZE", 16)
     for score in (told_apart.means, told_apart.covariances):
-        means = told_apart.told_apart("wood", "flash", None, 128, told_apart.means_exchanged, score)
-        assert means["mean roughness"] > 1.7 * means["none"] > 0.7
+        heard = told_apart.told_apart("wood", "flash", None, 128, told_apart.exchanges, score)
+        assert heard["roughness"] > 1.7 * heard["none"] > 0.7
     found = told_apart.told_apart("wood", "flash", None, 8, told_apart.exchanges)
     assert set(found) == {"none", "diffuse", "specular", "roughness", "normal", "all"}
 

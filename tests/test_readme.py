@@ -107,7 +107,7 @@ def shortened(command: str) -> str:
     command = re.sub(r"--(minutes|steps|batch) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
     command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
-    fewer = " --maps 8 --renderings 4" if re.search("train (wood|metal|plastic) (?!--data)", command) else ""
+    fewer = " --maps 8 --renderings 4" if re.search("train (wood|metal|plastic|fabric) (?!--data)", command) else ""
     more = {
         "train": f"--steps 2 --batch 4 --quiet{fewer}",
         "resume": "--steps 3 --quiet",

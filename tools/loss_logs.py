@@ -47,6 +47,7 @@ ARMS = {
     "wood-natural": "wood --observations diffuse top grazing flash lamp raking --flips",
     "metal": "metal",
     "plastic": "plastic",
+    "fabric": "fabric",
     "correlated": "correlated",
     "wood-paper": f"wood-paper {NARROW_MATERIALS}",
     "metal-paper": f"metal-paper {NARROW_MATERIALS}",

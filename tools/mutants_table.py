@@ -553,15 +553,15 @@ LIGHT_AND_MAPS = (
     mutant(
         "evaluate: lines of a reference keep their own unit",
         "cli/evaluate.py",
-        "against = against / unit_of(",
-        "against = against / 1.0 if against is not None else unit_of(",
+        "if unit != 1), 1)",
+        "if unit < 0), 1)",
         "cli/test_fit.py::test_lines_in_another_unit_are_read_as_training_did",
     ),
     mutant(
         "fit: lines keep their own unit",
         "training/fitted_pictures.py",
-        "scale or unit_of(viewing.projection)",
-        "scale or 1.0",
+        "unit = unit_of(viewing.projection) if scale is None else scale",
+        "unit = 1.0 if scale is None else scale",
         "cli/test_fit.py::test_lines_in_another_unit_are_read_as_training_did",
     ),
     mutant(

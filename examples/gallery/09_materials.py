@@ -2,8 +2,8 @@
 Materials
 =========
 
-Procedural wood, metal and plastic, a row each: diffuse albedo, specular albedo, roughness and normal map, and the
-material under a lamp from the left and under coloured lamps.
+Procedural wood, metal, plastic and fabric, a row each: diffuse albedo, specular albedo, roughness and normal map, and
+the material under a lamp from the left and under coloured lamps.
 """
 
 import torch
@@ -11,8 +11,9 @@ import torch
 import unproject as up
 from unproject.ops.microfacet import Reflection
 
-maps = torch.cat([up.data.wood(1, 128, seed=3), up.data.metal(1, 128, seed=2), up.data.plastic(1, 128, seed=1)])
+makers = {up.data.wood: 3, up.data.metal: 2, up.data.plastic: 1, up.data.fabric: 6}
+maps = torch.cat([make(1, 128, seed=seed) for make, seed in makers.items()])
 albedo = Reflection("albedo")
-light = {"view": torch.zeros(3), "light": torch.full((3,), 0.5), "light_azimuth": torch.full((3,), 3.14)}
+light = {"view": torch.zeros(4), "light": torch.full((4,), 0.5), "light_azimuth": torch.full((4,), 3.14)}
 lit = [up.Rendering(lighting, albedo)(maps, **light) for lighting in ("directional", "coloured")]
 up.export.material_sheet(maps, lit, "runs/materials.png")

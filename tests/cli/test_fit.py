@@ -262,3 +262,5 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     for found in compared:
         torch.testing.assert_close(found.sort(0).values, learned.sort(0).values)
     assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()
+    for wrong in ("0", "-1", "nan", "inf"):
+        assert fit(run, scan, "--out", tmp_path / "fits", "--scale", wrong) == 2

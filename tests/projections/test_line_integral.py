@@ -62,6 +62,8 @@ def test_a_whole_turn_of_directions() -> None:
     "make",
     [
         lambda: LineIntegral(bins=0),
+        lambda: LineIntegral(unit=0.0),
+        lambda: LineIntegral(unit=math.nan),
         lambda: directions(0),
         lambda: directions(10, 0.2),
         lambda: LineIntegral()(images(2), angle=torch.zeros(3)),

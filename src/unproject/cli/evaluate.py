@@ -65,7 +65,8 @@ def run(
         against = opened.domain.read(reference, size).floats()
         if opened.domain.name == "image" and against.dim() == 3:
             against = about_middle(against, origin.arguments.get("center") if origin else None, str(reference))
-            against = against / unit_of(opened.recipe(trust).panels[0].observations[0].projection)
+            seen = [panel.observations[0].projection for panel in opened.recipe(trust).panels]
+            against = against / next((unit for unit in map(unit_of, seen) if unit != 1), 1)
     else:
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)

@@ -37,8 +37,10 @@ def standardised_lines(found: Collection, bins: int, scale: float = 1.0, center:
         center: the detector, counted from 0, that the axis of rotation projects to (default: (D - 1) / 2).
 
     Raises:
-        UserError: for a center outside of the detectors.
+        UserError: for a center outside of the detectors, or a scale that is not positive.
     """
+    if not 0 < scale < math.inf:
+        raise UserError(f"{found.source}: scale={scale:g}: give what readings are divided by, a positive number")
     lines, latents = about_middle(found.floats(), center, found.source), found.latents
     if latents is not None and "angle" in latents:
         lines, angle = within_half_turn(lines, latents["angle"], math.pi / 2 / bins)

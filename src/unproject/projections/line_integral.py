@@ -32,7 +32,7 @@ class LineIntegral(Projection):
         fast: visit only the detectors that a pixel projects to (`ops.line_integrals`): same values, faster.
 
     Raises:
-        UserError: for fewer than one detector, or an image or angle of another shape.
+        UserError: for fewer than one detector, a unit that is not positive, or an image or angle of another shape.
 
     Examples:
         >>> import math, torch, unproject as up
@@ -52,6 +52,8 @@ class LineIntegral(Projection):
     def __post_init__(self) -> None:
         if self.bins is not None and self.bins < 1:
             raise UserError(f"LineIntegral(bins={self.bins}): give at least 1 detector, or None for one a pixel")
+        if not 0 < self.unit < math.inf:
+            raise UserError(f"LineIntegral(unit={self.unit:g}): give a positive number")
 
     def forward(self, x: Tensor, *, angle: Tensor) -> Tensor:
         """Return the line integrals (B, C, bins) of x (B, C, H, W) at angle (B,), radians."""

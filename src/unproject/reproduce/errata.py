@@ -7,7 +7,7 @@ ERRATA = (
     "computed so here.",
     "650 samples of four maps are said to be as many training images as 4 × 500 + 2 × 250 = 2,500; they are 2,600. "
     "Here 625 samples are taken, 625 × 4 = 2,500.",
-    "Section 2.5 announces two data sets, wood and metal; there are three, with plastic.",
+    "Section 2.5 announces two data sets, wood and metal; it shows three, with plastic.",
     'Grazing views are 80° ± 5° "from the up direction" and the top view is 0°, so the angles are taken from the '
     "normal and are not elevations.",
     "The text lists Figs. 2, 3 and 4 as bird, chair and car; by their captions they are chair, bird and car, and are "

@@ -33,14 +33,14 @@ OTHER_LIGHT = (
     "Modern arms have 125 renderings each under a flash, coloured lamps at 60° and at 12°, and ambient light, not 250 "
     "each from the top and grazing under natural light: there renderings hardly change when maps are exchanged between "
     "materials (docs/results.md). Recipe and light were chosen in some eighty trials, nearly all of arms with many "
-    "projections."
+    "projections, of wood and of the data correlated by design, with training seeds 0 to 3."
 )
 NARROW = (
     "In the cpu budget networks, batches and samples a pixel of the paper's recipe are smaller, equally in all its "
     "arms: full ones take days there."
 )
 NOT_NEAR = (
-    "In nine minutes `wood-multi-paper`, which has the same maps and renderings as the first arm, ends far from true "
+    "In nine minutes `wood-multi-paper`, which has as many maps and renderings as the first arm, ends far from true "
     "maps (Fig. 7), so that an arm with other projections would say nothing of the claim."
 )
 SHEET = (

@@ -73,9 +73,8 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         return found
     if opened.domain.name == "image":
         center = read_recipe(opened.path)["arguments"].get("center")
-        return standardised_lines(
-            Collection.lines(paths[0]), max(len(viewing.priors), 1), scale or unit_of(viewing.projection), center
-        )
+        unit = unit_of(viewing.projection) if scale is None else scale
+        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), unit, center)
     if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")

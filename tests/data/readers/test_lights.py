@@ -85,6 +85,7 @@ def test_what_photographs_show_and_what_to_add() -> None:
     ]
     assert "what would help most: coloured/" in showing(["flash", "ambient"])[1]
     assert "what would help most: ambient/" in showing(["coloured", "flash"])[1]
+    assert "what would help most: overhead/" in showing(["ambient", "coloured", "flash"])[1]
     (only,) = showing(["lamp", "top", *FIRST])
     assert "lamp, top: the colours; flash: most of how maps go together; coloured: the relief" in only
     assert showing(["diffuse", "normal"])[0] == "without photographs nothing says how maps go together"
