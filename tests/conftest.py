@@ -15,7 +15,7 @@ settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
 
 
-ESTIMATED = {"test_chain.py", "test_results.py"}
+ESTIMATED = {"test_chain.py", "test_results.py", "test_trust.py"}
 """Modules that test what `train` says of the time and the memory of a step before it begins."""
 
 
