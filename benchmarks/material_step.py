@@ -6,6 +6,10 @@ Of four maps and renderings: those of the paper (natural light, top and grazing)
 light, and all kinds that recipes have by default.
 Rendering is timed where it happens: the projection's call and, through hooks on its result and its argument, the way
 back. Medians over steps, of the clock on the wall.
+
+What the statistics of the second order cost is the difference to a recipe without them: both are trained side by side, a
+turn of 16 steps each (the period of all that is not done in every step), in seconds of the processor. Median over turns,
+and that of every other one, which says how noisy the machine is.
 """
 
 from __future__ import annotations
@@ -29,10 +33,13 @@ from unproject.data.readers.lights import FIRST
 from unproject.ops.maps import MAPS
 from unproject.projections.rendering import Rendering
 from unproject.recipes.materials import wood_materials
+from unproject.training.distribution import Distribution
+from unproject.training.recorder import Recorder
 from unproject.training.trainer import Trainer
 
 PARTS = {"_generate": "generator", "_batch": "projection", "_update_discriminators": "discriminators' update"}
 WARM = 3  # steps before the first that counts
+TURN, NEVER = 16, 10**9
 
 
 class Clock:
@@ -62,6 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=40)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--size", type=int, default=64)
+    parser.add_argument("--turns", type=int, default=8, help="of 16 steps with and without the statistics")
     options = parser.parse_args(argv)
     torch.set_num_threads(options.threads)
     print("| renderings | step | generator | projection | discriminators' update | rendering, both ways | its share |")
@@ -70,6 +78,32 @@ def main(argv: Sequence[str] | None = None) -> None:
         found = {name: median(values[WARM:]) for name, values in profile(renderings, options).items()}
         cells = [f"{found[name]:.3f} s" for name in ("step", *PARTS.values(), "rendering")]
         print(f"| {', '.join(renderings)} | " + " | ".join(cells) + f" | {found['rendering'] / found['step']:.0%} |")
+    shares = statistics_share(options)
+    halves = ", ".join(f"{median(shares[k::2]):.1%}" for k in range(2)) if len(shares) > 1 else ""
+    print(f"statistics of the second order: {median(shares):.1%} of a step ({halves})")
+
+
+def statistics_share(options: argparse.Namespace) -> list[float]:
+    """Return the share of a step's time that the statistics take, of each turn."""
+    with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder), quiet=True) as recorder:
+        trainers = []
+        for weight in (2.0, 0.0):
+            recipe = wood_materials(maps=64, renderings=64, size=options.size, matching=weight, steps=NEVER)
+            recipe = recipe.replace(checkpoint_every=NEVER)
+            trainers.append(Trainer(recipe, Path(folder), recorder, distribution=Distribution("cpu")))
+        found = []
+        for _ in range(1 + options.turns):
+            with_them, without = [_seconds(trainer) for trainer in trainers]
+            found.append(1 - without / with_them)
+    return found[1:]  # in the first turn all is begun
+
+
+def _seconds(trainer: Trainer) -> float:
+    """Return the processor's seconds of a turn."""
+    began = time.process_time()
+    for _ in range(TURN):
+        trainer.step()
+    return time.process_time() - began
 
 
 def profile(renderings: tuple[str, ...], options: argparse.Namespace) -> dict[str, list[float]]:

@@ -70,6 +70,13 @@ def test_a_material_step_is_timed(named: object) -> None:
     assert all(len(values) == 2 for values in clock.values())
 
 
+def test_what_statistics_cost_is_timed(named: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    material_step = named("material_step")
+    monkeypatch.setattr(material_step, "TURN", 2)
+    shares = material_step.statistics_share(argparse.Namespace(size=16, turns=2))  # type: ignore[attr-defined]
+    assert len(shares) == 2 and all(share < 1 for share in shares)
+
+
 def test_photographs_of_exchanged_maps_are_compared(named: object, monkeypatch: pytest.MonkeyPatch) -> None:
     told_apart = named("told_apart")  # type: ignore[operator]
     monkeypatch.setattr(told_apart, "SIZE", 16)
