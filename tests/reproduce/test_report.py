@@ -201,6 +201,14 @@ def test_what_is_not_whole_is_damaged(report: Report, content: str) -> None:
         report.results["ours", 0].read()
 
 
+@pytest.mark.parametrize("seconds", ["NaN", "9" * 400])
+def test_seconds_that_no_report_can_divide_are_damaged(report: Report, seconds: str) -> None:
+    one = report.results["ours", 0]
+    one.file.write_text(one.file.read_text().replace('"seconds": 60.0', f'"seconds": {seconds}'))
+    with pytest.raises(UserError, match="ours-0.json: damaged"):
+        one.read()
+
+
 def test_seeds_that_one_arm_lacks_do_not_count(report: Report) -> None:
     fewer = Report(FIGURE, {key: value for key, value in report.results.items() if key != ("theirs", 1)})
     assert len(fewer.claim_results[0].effects) == 1 and fewer.claim_results[0].verdict == "undecided"

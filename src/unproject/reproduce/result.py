@@ -76,6 +76,8 @@ class Result:
                 _check_kinds(score, {"value": (int, float), "protocol": str, "n": int, "seed": int})
             if {"recipe", "steps", "environment"} & content.keys():  # else true samples, which nothing trained
                 _check_kinds(content, {"steps": int, "seconds": (int, float), "environment": dict})
+                if not math.isfinite(content["seconds"]):
+                    raise ValueError("the seconds are not finite")
                 _check_kinds(content["environment"], MADE)
                 _check_kinds(dict(enumerate(content["environment"]["command"])), {}, str)
             return content
