@@ -10,7 +10,7 @@ from torch import Tensor
 
 from unproject._random import generator_at
 from unproject.data import correlated
-from unproject.ops.band_statistics import band_statistics, opponent
+from unproject.ops.band_statistics import Covariance, band_statistics, opponent
 from unproject.ops.maps import MAPS
 from unproject.ops.microfacet import Reflection
 from unproject.projections import Rendering
@@ -40,6 +40,16 @@ def test_flat_images_have_statistics_and_gradients() -> None:
     s = band_statistics(x)
     s.sum().backward()
     assert bool(s.isfinite().all()) and x.grad is not None and bool(x.grad.isfinite().all())
+
+
+def test_covariances_are_those_of_the_plain_formula_forwards_and_back() -> None:
+    fields = noise(2, 5, 6).flatten(2).double().requires_grad_()
+    pull = torch.randn(2, 5, 5, generator=generator_at(1)).double()  # not symmetric
+    centred = fields - fields.mean(2, keepdim=True)
+    plain = centred @ centred.mT / 36
+    fast = Covariance.apply(fields)
+    torch.testing.assert_close(fast, plain)
+    assert torch.autograd.grad(fast, fields, pull)[0].allclose(torch.autograd.grad(plain, fields, pull)[0])
 
 
 def first_correlations(x: Tensor) -> Tensor:

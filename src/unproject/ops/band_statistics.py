@@ -17,10 +17,12 @@ References:
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from .pyramids import laplacian_pyramid
 
@@ -56,12 +58,32 @@ def opponent(images: Tensor) -> Tensor:
 
 def _within(fields: Tensor) -> Tensor:
     """Return log variances and correlations of (B, F, P), (B, F + F (F - 1) / 2)."""
-    centred = fields - fields.mean(2, keepdim=True)
-    covariance = centred @ centred.transpose(1, 2) / fields.shape[2]
+    covariance = Covariance.apply(fields)
     variance = covariance.diagonal(dim1=1, dim2=2) + FLOOR
     scale = variance.rsqrt()
+    correlation = covariance * scale[:, :, None] * scale[:, None]
     i, j = torch.triu_indices(fields.shape[1], fields.shape[1], 1, device=fields.device)
-    return torch.cat([variance.log(), covariance[:, i, j] * scale[:, i] * scale[:, j]], 1)
+    return torch.cat([variance.log(), correlation.flatten(1)[:, i * fields.shape[1] + j]], 1)
+
+
+class Covariance(torch.autograd.Function):
+    """Covariances (B, F, F) of fields (B, F, P) over places, C = Y Yᵀ / P with Y = X less its mean.
+
+    The gradient by X is (G + Gᵀ) Y / P, whose mean over places is 0 as that of Y is: one product, where the chain rule
+    step by step takes two, and three passes over what is as large as X.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, fields: Tensor) -> Tensor:
+        centred = fields - fields.mean(2, keepdim=True)
+        ctx.save_for_backward(centred)
+        return centred @ centred.transpose(1, 2) / fields.shape[2]
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> Tensor:
+        (centred,) = ctx.saved_tensors
+        return ((gradient + gradient.transpose(1, 2)) / centred.shape[2]) @ centred
 
 
 def _across(fine: Tensor, coarse: Tensor) -> Tensor:
