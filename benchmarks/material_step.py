@@ -7,9 +7,9 @@ light, and all kinds that recipes have by default.
 Rendering is timed where it happens: the projection's call and, through hooks on its result and its argument, the way
 back. Medians over steps, of the clock on the wall.
 
-What the statistics of the second order cost is the difference to a recipe without them: both are trained side by side, a
-turn of 16 steps each (the period of all that is not done in every step), in seconds of the processor. Median over turns,
-and that of every other one, which says how noisy the machine is.
+What the statistics of the second order cost is the difference to a recipe without them: both are trained side by side,
+a turn of 16 steps each (the period of all that is not done in every step), in seconds of the processor. Median over
+turns, and that of every other one, which says how noisy the machine is.
 """
 
 from __future__ import annotations

@@ -120,6 +120,8 @@ def read_json(path: Path, fix: str) -> Any:
 def paths_below(folder: Path) -> list[Path]:
     """Return all files and folders below a folder, sorted; linked folders once, and not those they lie in.
 
+    Run directories are left out: a run whose `--out` lies in its data would otherwise find its own samples there.
+
     Raises:
         OSError: if a folder may not be read, which `Path.rglob` takes for an empty one.
     """
@@ -127,6 +129,8 @@ def paths_below(folder: Path) -> list[Path]:
 
     def new(top: str, name: str) -> bool:
         where = os.path.realpath(os.path.join(top, name))
+        if os.path.isfile(os.path.join(where, "recipe.json")) and os.path.isdir(os.path.join(where, "checkpoints")):
+            return False
         return where not in seen and not seen.add(where)
 
     def refuse(error: OSError) -> None:

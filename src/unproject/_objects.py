@@ -39,6 +39,32 @@ def find_object(where: str) -> Any:
     return found
 
 
+def import_name(value: Any) -> str:
+    """Return under which name `find_object` finds a function or class again.
+
+    `module:name`, or of the script that runs, whose module is called __main__ in this process alone, `file.py:name`.
+    """
+    file = _running_script()
+    if value.__module__ == "__main__" and file is not None:
+        return f"{file}:{value.__qualname__}"
+    return f"{value.__module__}:{value.__qualname__}"
+
+
+def module_name(name: str) -> str:
+    """Return a module's name, or of the script that runs the one that `find_object` gives its file."""
+    file = _running_script()
+    return _name_of(file) if name == "__main__" and file is not None else name
+
+
+def _running_script() -> Path | None:
+    file = getattr(sys.modules.get("__main__"), "__file__", None)
+    return Path(file) if file is not None and file.endswith(".py") else None
+
+
+def _name_of(path: Path) -> str:
+    return f"_unproject_{path.stem}"
+
+
 def nearest(name: str, names: Any) -> str:
     """Return ". Perhaps you meant 'x'" with the name closest to `name`, or "" if none is close."""
     close = get_close_matches(name, [n for n in names if not n.startswith("_")], n=1)
@@ -60,7 +86,10 @@ def _module_called(name: str) -> ModuleType:
 def _module_in_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise UserError(f"{path}: no such file; check the path before the colon")
-    name = f"_unproject_{path.stem}"
+    name, running = _name_of(path), _running_script()
+    if running is not None and running.resolve() == path.resolve():
+        sys.modules[name] = sys.modules["__main__"]  # not again: a script that trains would train within itself
+        return sys.modules[name]
     spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = module_from_spec(spec)

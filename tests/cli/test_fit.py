@@ -15,10 +15,13 @@ from PIL import Image
 
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.data import cars, chairs
-from unproject.projections import Silhouette
+from unproject.data import Collection, cars, chairs
+from unproject.inversion import Viewing
+from unproject.metrics import Gauge, apply
+from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load
-from unproject.training.fitted_pictures import given_view, observed, view_of
+from unproject.training.evaluation import true_views
+from unproject.training.fitted_pictures import Frame, given_view, known_views, observed, view_of
 from unproject.training.fitting import viewing_of
 
 QUICK = ["--candidates", "8", "--starts", "2", "--steps", "3", "--tune", "2", "--threads", "1"]
@@ -264,3 +267,56 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()
     for wrong in ("0", "-1", "nan", "inf"):
         assert fit(run, scan, "--out", tmp_path / "fits", "--scale", wrong) == 2
+
+
+@pytest.mark.parametrize("gauge", [Gauge(4, False, 16), Gauge(4, True, 16), None])
+def test_known_views_are_told_in_the_frame_of_a_run_that_found_its_own(gauge: Gauge | None) -> None:
+    """The azimuths of pictures of T F x are those that x is seen from; without a gauge they say nothing."""
+    x, azimuth = chairs(3, 16, seed=2).float(), torch.tensor([0.3, 2.0, 4.0])
+    seen = Silhouette(size=16)(x if gauge is None else apply(x, gauge), azimuth=azimuth)
+    found = Collection(seen, latents={"azimuth": azimuth, "elevation": torch.zeros(3)})
+    viewing = Viewing.of(azimuth_bins(16, Silhouette(size=16)))
+    frame = Frame("azimuth", gauge)
+    if gauge is None:
+        with pytest.warns(UserWarning, match="the azimuth beside the pictures is not used: this run found its views"):
+            known = known_views(found, viewing, {}, frame)
+        assert known is not None and known.keys() == {"elevation"}
+        with pytest.raises(UserError, match="the given view cannot be used"):
+            known_views(found, viewing, {"azimuth": 0.5}, frame)
+        assert known_views(found, viewing, {"elevation": 0.5}, Frame()) != {}
+        return
+    known = known_views(found, viewing, {}, frame)
+    assert known is not None
+    torch.testing.assert_close(Silhouette(size=16)(x, azimuth=known["azimuth"]), seen, atol=1e-3, rtol=0)
+
+
+def test_the_frame_is_told_by_known_views_of_training(tmp_path: Path) -> None:
+    """Of a run whose views were all found, a quarter turn on; and of one that has none, or fixed them."""
+    words = [
+        "train",
+        "shapes",
+        "--size",
+        "16",
+        "--channels",
+        "8",
+        "--rank",
+        "4",
+        "--batch",
+        "8",
+        "--steps",
+        "1",
+        "--quiet",
+    ]
+    assert main([*words, "--views", "predicted", "--out", str(tmp_path / "found")]) == 0
+    assert main([*words, "--views", "known", "--out", str(tmp_path / "known")]) == 0
+    run = load(tmp_path / "known")
+    states = run.assignments(run.recipe())
+    assert Frame.of(run.domain, states, states[0]) == Frame()
+    run = load(tmp_path / "found")
+    (state,) = run.assignments(run.recipe())
+    true = true_views(state.panel)
+    assert true is not None
+    state.estimates = lambda: (true + 4) % 16
+    assert Frame.of(run.domain, [state], state) == Frame("azimuth", Gauge(4, False, 16))
+    state.estimates = lambda: torch.zeros_like(true)
+    assert Frame.of(run.domain, [state], state) == Frame("azimuth")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import pytest
 import torch
@@ -75,3 +76,16 @@ def test_nothing_is_said_of_projections_without_azimuth() -> None:
 def test_a_rolled_camera_from_behind_is_rolled_the_other_way() -> None:
     prior = Product(Uniform("azimuth", 0, 0.4), Uniform("elevation", 0, 0), Uniform("roll", -0.3, 0.3))
     assert opposite_sides_agree(Observation("rolled", Silhouette(size=16), prior))
+
+
+class Fixed(Projection):
+    """A measured sensitivity of 16³ voxels."""
+
+    example_shape: ClassVar[tuple[int, ...]] = (16, 16, 16)
+
+    def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
+        return rotate_y(x * torch.linspace(0.8, 1, 16), azimuth).mean(3)[:, None]
+
+
+def test_projections_of_one_size_are_judged_at_that_size() -> None:
+    assert not opposite_sides_agree(Observation("fixed", Fixed(), Uniform("azimuth", 0, 6)))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
 from unproject.data import cars, chairs, observe
 from unproject.inversion import DOUBTFUL, Novelty
+from unproject.inversion import novelty as module
 from unproject.inversion.novelty import warped
 from unproject.projections import Silhouette, azimuth_bins
 
@@ -22,7 +25,7 @@ def test_new_pictures_of_the_kind_are_known_and_others_are_not() -> None:
     others = observe(cars(40, 16), azimuth_bins(8, Silhouette(size=16)), each=4).floats()
     assert (novelty.p_values(others) < DOUBTFUL).float().mean() > 0.4
     assert (novelty.p_values(1 - new) < DOUBTFUL).all()
-    bent = warped(new, torch.Generator().manual_seed(1))
+    bent = warped(new, torch.Generator().manual_seed(1), masks=True)
     assert (novelty.p_values(bent) < DOUBTFUL).float().mean() > 0.5
 
 
@@ -56,6 +59,36 @@ def test_lines_are_compared_by_their_proportions() -> None:
 
 def test_warped_masks_stay_masks_of_their_size() -> None:
     masks = (pictures(4, 0) > 0.5).float()
-    bent = warped(masks, torch.Generator().manual_seed(0))
+    bent = warped(masks, torch.Generator().manual_seed(0), masks=True)
     assert bent.shape == masks.shape and (bent != masks).any()
     assert set((4 * bent).unique().tolist()) <= {0.0, 1.0, 2.0, 3.0, 4.0}
+
+
+def stripes(count: int, seed: int) -> torch.Tensor:
+    """Straight grey stripes."""
+    rng = torch.Generator().manual_seed(seed)
+    phase, contrast = 6.28 * torch.rand(count, 1, generator=rng), 0.2 + 0.2 * torch.rand(count, 1, generator=rng)
+    wave = 0.5 + contrast * torch.sin(torch.linspace(0, 12.6, 32) + phase)
+    return wave[:, None, None].expand(-1, 1, 32, 32).contiguous()
+
+
+def test_grey_pictures_are_warped_as_they_are() -> None:
+    train, new = stripes(200, 0), stripes(60, 1)
+    bent = torch.stack([y.roll(int(3 * math.sin(0.2 * k)), -1) for k, y in enumerate(stripes(60, 2).unbind(2))], 2)
+    novelty = Novelty.fitted(train, new, steps=60, masks=False)
+    stranger = novelty.strangeness(bent)[:, None, 1] > novelty.strangeness(new)[None, :, 1]
+    assert stranger.float().mean() > 0.9
+
+
+def test_components_of_many_pictures_are_nearly_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = torch.Generator().manual_seed(3)
+    pictures = torch.randn(200, 60, generator=rng) / torch.arange(1, 61) @ torch.randn(60, 1024, generator=rng)
+    pictures = pictures.view(200, 1, 32, 32)
+    exact = Novelty.fitted(pictures, pictures[:50], steps=1)
+    monkeypatch.setattr(module, "EXACT", 8)
+    state = torch.get_rng_state()
+    quick = Novelty.fitted(pictures, pictures[:50], steps=1)
+    assert torch.equal(state, torch.get_rng_state())
+    torch.testing.assert_close(quick.held_out[:, 0], exact.held_out[:, 0], rtol=0.05, atol=0)
+    monkeypatch.setattr(module, "MOST", 64 * 32 * 32)
+    assert Novelty.fitted(pictures, pictures[:50], steps=1).axes.shape == (32, 1024)

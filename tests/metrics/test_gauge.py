@@ -9,6 +9,7 @@ from unproject.metrics.distances import one_minus_iou
 from unproject.metrics.gauge import Gauge, apply, best_gauge, dihedral
 from unproject.metrics.shape_sets import minimum_matching_distance
 from unproject.ops.rotation import rotate_y
+from unproject.projections import Silhouette
 
 
 def blobs(n, side=16, seed=0):
@@ -130,3 +131,15 @@ def test_bad_gauges_and_sets_are_the_users_to_mend():
         best_gauge(torch.zeros(0, 4, 4, 4), torch.zeros(1, 4, 4, 4))
     with pytest.raises(UserError, match="resample"):
         best_gauge(torch.zeros(1, 4, 4, 4), torch.zeros(1, 8, 8, 8))
+
+
+@pytest.mark.parametrize("gauge", [Gauge(3, False, 16), Gauge(5, True, 16)])
+def test_an_azimuth_moves_as_bins_do(gauge: Gauge) -> None:
+    """And T F x has from there what x has from the azimuth that is returned."""
+    k = torch.arange(16)
+    moved = gauge.azimuth_of(k * math.pi / 8) * 8 / math.pi
+    torch.testing.assert_close(moved.remainder(16).round().remainder(16), gauge.view(k).float())
+    quarter = Gauge(4, gauge.reflected, 16)
+    x, azimuth, look = blobs(2), torch.tensor([0.3, 2.0]), Silhouette(size=16)
+    seen = look(apply(x, quarter), azimuth=azimuth)
+    torch.testing.assert_close(look(x, azimuth=quarter.azimuth_of(azimuth)), seen, atol=1e-3, rtol=0)

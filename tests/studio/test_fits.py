@@ -80,11 +80,11 @@ def fast(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_picture_is_explained_and_downloaded(shapes: State, said: Said, fast: None) -> None:
-    fit = begun(shapes, said, mask(), view="30")
+    fit = begun(shapes, said, mask())
     found = ended(shapes, said, fit)
     assert (found["stage"], found["error"], found["name"]) == ("done", "", "seat.png")
     assert len(found["explanations"]) == len(found["weights"]) == 2
-    assert sum(found["posterior"]) == pytest.approx(1, abs=1e-3) and found["views"][0][0]["azimuth"] == 30
+    assert sum(found["posterior"]) == pytest.approx(1, abs=1e-3) and "azimuth" in found["views"][0][0]
     assert len(found["distances"]) == len(found["projections"]) == len(found["views"]) == 2
     assert (
         found["projections"][0] == found["projection"] != found["projections"][1]
@@ -94,6 +94,11 @@ def test_a_picture_is_explained_and_downloaded(shapes: State, said: Said, fast: 
     name, content = file_of(shapes, "/api/fit/file", fit=fit, to="glb")
     assert name == "seat.glb"
     assert len(trimesh.load(io.BytesIO(content), file_type="glb", force="mesh").faces) > 50  # pyright: ignore
+
+
+def test_a_view_says_nothing_where_a_run_found_its_views_itself(shapes: State, said: Said, fast: None) -> None:
+    found = ended(shapes, said, begun(shapes, said, mask(), view="30"))
+    assert found["stage"] == "failed" and found["error"].startswith("the given view cannot be used: this run found")
 
 
 def test_what_it_finds_first_is_shown_while_it_goes_on(shapes: State, said: Said, monkeypatch: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ from toy import BINS, CHAIRS, SIZE, only_panel, toy
 
 from unproject._types import UserError
 from unproject.assignment import AssignmentState, Panel
-from unproject.data import Collection, chairs
+from unproject.data import Collection, chairs, observe
 from unproject.domains import Images, Volumes
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load, train
@@ -187,3 +188,16 @@ def test_panels_of_other_projections_are_of_other_kinds() -> None:
     assert of_different_kinds([small, large]) == [small, large]
     assert of_different_kinds([some, small]) == of_different_kinds([small, some]) == [small]
     assert of_different_kinds([small, again, some]) == [small]
+
+
+def test_an_odd_number_of_views_is_scored_without_views(tmp_path: Path) -> None:
+    """A reflection does not map five bins to five bins."""
+    views = azimuth_bins(5, Silhouette(size=SIZE))
+    seen = observe(chairs(8, SIZE), views)
+    recipe = toy(steps=1)
+    panel = replace(recipe.panels[0], observations=views, data=seen)
+    recipe = recipe.replace(panels=[panel])
+    run = train(recipe, tmp_path, quiet=True)
+    assert not {"view_exact", "view_within_one"} & run.evaluate(n=8, recipe=recipe).keys()
+    scores = run.evaluate(chairs(8, SIZE), n=8, recipe=recipe)
+    assert "mmd_iou" in scores and "of 20" in scores["mmd_iou"].protocol

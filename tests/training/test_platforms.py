@@ -17,7 +17,7 @@ from toy import toy
 from unproject import _files
 from unproject.ops import _builds, _native
 from unproject.training import resume, run_directory, train
-from unproject.training.estimate import available_memory
+from unproject.training.estimate import _left_to_container, available_memory
 from unproject.training.signals import stop_request
 
 
@@ -69,3 +69,30 @@ def test_in_a_thread_where_no_signal_can_be_caught_nothing_asks_to_stop() -> Non
     thread.start()
     thread.join()
     assert found == [False] and signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize(
+    ("limit", "used", "limits"),
+    [
+        ("memory.max", "memory.current", {"1000": [700], "max": []}),
+        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", {"1000": [700]}),
+    ],
+)
+def test_a_containers_limit_counts_without_what_is_cached(
+    tmp_path: Path, limit: str, used: str, limits: dict[str, list[int]]
+) -> None:
+    assert _left_to_container(tmp_path) == []
+    (tmp_path / limit).parent.mkdir(exist_ok=True)
+    (tmp_path / limit).with_name("memory.stat").write_text("anon 400\ninactive_file 200\ntotal_inactive_file 200\n")
+    (tmp_path / used).write_text("500\n")
+    for most, left in limits.items():
+        (tmp_path / limit).write_text(f"{most}\n")
+        assert _left_to_container(tmp_path) == left
+
+
+def test_processes_of_one_machine_share_its_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOCAL_WORLD_SIZE", "1000")
+    shared = available_memory(torch.device("cpu"))
+    monkeypatch.delenv("LOCAL_WORLD_SIZE")
+    alone = available_memory(torch.device("cpu"))
+    assert shared is None or alone is None or shared < alone / 500

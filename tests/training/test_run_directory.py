@@ -5,14 +5,18 @@ from __future__ import annotations
 import platform
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from toy import toy
 
 from unproject._types import UserError
 from unproject.adversarial.matching import Matching
-from unproject.training import resume, train
+from unproject.cli import main
+from unproject.data import Collection
+from unproject.training import load, resume, train
 from unproject.training.run_directory import VERDICT, _commit, environment, write_json
 from unproject.training.trainer import Trainer
 
@@ -81,3 +85,37 @@ def test_a_run_that_goes_on_has_no_verdict_of_before(tmp_path: Path, monkeypatch
     assert (run / VERDICT).exists()
     failing_at(2)
     assert not (run / VERDICT).exists()
+
+
+def test_a_new_run_leaves_checkpoints_of_another_alone(tmp_path: Path) -> None:
+    """Of two the newest is kept, which would be the other's."""
+    train(toy(steps=2, views="direct"), tmp_path, quiet=True)
+    (tmp_path / "recipe.json").unlink()
+    with pytest.raises(UserError, match="holds checkpoints of a run without its recipe.json; remove them"):
+        train(toy(steps=1, views="direct"), tmp_path, quiet=True)
+
+
+def test_a_run_within_its_own_data_does_not_learn_from_itself(tmp_path: Path) -> None:
+    for k in range(8):
+        picture = Image.new("L", (32, 32))
+        picture.paste(255, (8, 6, 20 + k, 26))
+        picture.save(tmp_path / f"{k}.png")
+    learner = "--size 16 --channels 8 --rank 4 --batch 4 --no-augment --quiet"
+    words = ["train", "shapes", *learner.split(), "--data", str(tmp_path), "--out", str(tmp_path / "runs" / "a")]
+    assert main([*words, "--steps", "1"]) == 0
+    (tmp_path / "runs" / "a" / "samples" / "x.png").write_bytes((tmp_path / "0.png").read_bytes())
+    assert main(["resume", str(tmp_path / "runs" / "a"), "--steps", "2", "--quiet"]) == 0
+    assert main(["evaluate", str(tmp_path / "runs" / "a"), "--n", "8"]) == 0
+
+
+def test_other_data_than_those_of_training_are_noticed(tmp_path: Path) -> None:
+    recipe = toy(steps=1, views="known")
+    run = load(train(recipe, tmp_path, quiet=True).path, trust=True)
+    panel = recipe.panels[0]
+    first, *others = panel.collections
+    other = replace(panel, data=(Collection(first.items.flip(3), latents=first.latents), *others))
+    with pytest.warns(UserWarning, match="its data are others than in training"):
+        run.evaluate(n=8, recipe=recipe.replace(panels=[other]))
+    fewer = replace(panel, data=(first.subset(range(len(first) - 2)), *others))
+    with pytest.raises(UserError, match=rf"trained on other data \({len(first)}, .* then, {len(first) - 2}, .* now\)"):
+        run.evaluate(n=8, recipe=recipe.replace(panels=[fewer]))

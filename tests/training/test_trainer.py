@@ -14,7 +14,7 @@ from unittest.mock import MagicMock
 import pytest
 import torch
 from comparing import differences, final, stats
-from torch import Tensor
+from torch import Tensor, nn
 from toy import BINS, CHAIRS, SIZE, Layer, toy, with_predicted
 
 from unproject._types import UserError
@@ -26,7 +26,7 @@ from unproject.networks import Discriminator, LowRankGenerator
 from unproject.projections.observation import Observation
 from unproject.recipes import shape_panels
 from unproject.recipes.shapes import shapes, shapes_paper
-from unproject.training import Adam, Recipe, load, resume, train
+from unproject.training import Adam, Recipe, checkpoint, load, resume, train
 from unproject.training.distribution import Distribution
 from unproject.training.recorder import Recorder
 from unproject.training.state import PanelState, State
@@ -370,3 +370,20 @@ def test_all_processes_draw_the_rows_of_one_clock() -> None:
     fake.state.counters = SimpleNamespace(step=10, seconds=29.0)
     fake.distribution = SimpleNamespace(world=2, average=lambda seconds: 30.0)
     assert TrainingContext(fake, 0.5, 0).draws(1.0, 1) == range(80, 160)
+
+
+def test_what_is_frozen_in_a_discriminator_stays_so(tmp_path: Path) -> None:
+    recipe = toy(steps=3, views="known")
+    whole = recipe.discriminator
+
+    def half_frozen(shape: tuple[int, ...], heads: int) -> nn.Module:
+        network = whole(shape, heads)
+        next(network.parameters()).requires_grad_(False)
+        return network
+
+    recipe = recipe.replace(discriminator=half_frozen)
+    frozen, learning = list(State(recipe, torch.device("cpu")).discriminators.named_parameters())[:2]
+    train(recipe, tmp_path, quiet=True)
+    stored = checkpoint.load(checkpoint.newest(tmp_path / "checkpoints"), "discriminators/")
+    assert torch.equal(stored[f"discriminators/{frozen[0]}"], frozen[1])
+    assert not torch.equal(stored[f"discriminators/{learning[0]}"], learning[1])

@@ -10,7 +10,7 @@ from .._types import UserError
 from ._machine import use_threads
 
 if TYPE_CHECKING:
-    from ..assignment import AssignmentState
+    from ..domains import Domain
     from ..inversion import Viewing
     from ..training import Run
 
@@ -52,6 +52,7 @@ def run(
         out: the folder to write.
         view: where the camera stood, degrees: azimuth and elevation of shapes (30,10), the angle from the normal and
             azimuth of materials (0,-90), the angle of lines (default: what views.csv or the .npz say, else unknown).
+            A run that found its views itself knows no azimuth 0, unless its pictures had known ones beside them.
         light: of photographs of materials, as for `unproject render`; without --view from above.
         observation: which of the run's observations made the pictures (`top`, `flash`; default: its only ones).
         together: all pictures show one object (default: an object each; lines of one sinogram are of one image).
@@ -72,36 +73,39 @@ def run(
     from ..data import Collection
     from ..inversion import Search
     from ..training import load
-    from ..training.fitted_pictures import FORMATS, framed_viewing, given_view, known_views, observed
-    from ..training.fitting import novelty_of, viewing_of
+    from ..training.fitted_pictures import Frame, framed_viewing, given_view, known_views, observed
+    from ..training.fitting import novelty_of, state_of, viewing_of
     from ._fits import Job, write_fits
 
     use_threads(threads)
+    search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune)
     if not pictures:
         raise UserError("fit: name pictures, a folder of them or an .npz")
-    search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune)
     opened = load(path, trust=trust)
-    to = to or FORMATS.get(opened.domain.name, "npz")
-    if to not in opened.domain.exporters:
-        raise UserError(f"--to {to}: there is no such format; choose from {', '.join(opened.domain.exporters)}")
+    to = format_of(opened.domain, to)
     if light is None:
-        state = state_of_run(opened, observation, trust)
+        states = opened.assignments(opened.recipe(trust))
+        state = state_of(states, observation)
         viewing = framed_viewing(viewing_of(state, observation), pictures)
+        frame = Frame.of(opened.domain, states, state)
         given = {} if view is None else given_view(view, viewing.projection.latents)
     else:
-        state, (viewing, given) = None, (lit_viewing(opened, view, light), {})
+        state, frame, viewing, given = None, Frame(), lit_viewing(opened, view, light), {}
     found = observed(opened, pictures, viewing, scale)
-    found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
+    found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, frame))
     compared = novelty_of(state, viewing) if novelty and state is not None else None
     fitter = opened.fitter(viewing=viewing, search=search, seed=seed)
     write_fits(Job(found, fitter, compared, opened, to, out), together)
 
 
-def state_of_run(opened: Run, observation: str | None, trust: bool) -> AssignmentState:
-    """Return the panel of the run that made the pictures."""
-    from ..training.fitting import state_of
+def format_of(domain: Domain, to: str | None) -> str:
+    """Return the format of what is found: the one that is given, or the domain's."""
+    from ..training.fitted_pictures import FORMATS
 
-    return state_of(opened.assignments(opened.recipe(trust)), observation)
+    to = to or FORMATS.get(domain.name, "npz")
+    if to not in domain.exporters:
+        raise UserError(f"--to {to}: there is no such format; choose from {', '.join(domain.exporters)}")
+    return to
 
 
 def lit_viewing(opened: Run, view: str | None, light: str) -> Viewing:

@@ -46,7 +46,7 @@ def run(
         force: train although the estimate says that memory is too small.
     """
     from ..training import train
-    from ..training.run import is_foreign
+    from ..training.building import is_foreign
     from ._machine import say, use_threads, warn_if_empty
     from ._report import leave_report
     from ._verdict import conclude

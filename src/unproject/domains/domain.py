@@ -20,8 +20,9 @@ from .._types import UserError
 from ..data import Collection
 from ..export import Written, save_image
 from ..metrics import Finding, Score
+from ..metrics.picture_sets import root_mean_square
 from ..projections.observation import Observation
-from .evidence import MATCH, Evidence, match_finding, nearest, pairs, root_mean_square, variety_finding
+from .evidence import MATCH, Evidence, match_finding, nearest, pairs, variety_finding
 
 Exporter = Callable[..., Written]
 """(samples, path, **options) → what was written."""
@@ -105,21 +106,23 @@ class Domain(ABC):
         how = f"mean RMS difference of {len(x)} pairs of samples over the standard deviation of all values"
         return {"diversity": Score(spread, how, len(x), seed)}
 
-    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
-        """Score projections of samples (N, ...) against those of the data (M, ...)."""
+    def projection_scores(
+        self, y: Tensor, reference: Tensor, seed: int = 0, silhouettes: bool = False
+    ) -> dict[str, Score]:
+        """Score projections of samples (N, ...) against those of the data (M, ...); `silhouettes` if they are such."""
         return {}
 
     def findings(self, x: Tensor, seed: int = 0) -> list[Finding]:
         """Judge samples by themselves."""
         return []
 
-    def picture_distance(self, a: Tensor, b: Tensor) -> Tensor:
-        """Return the distances (A, B) of projections (A, ...) and (B, ...)."""
-        return root_mean_square(a, b)
+    def picture_distance(self, silhouettes: bool) -> Callable[[Tensor, Tensor], Tensor]:
+        """Return what gives the distances (A, B) of projections (A, ...) and (B, ...)."""
+        return root_mean_square
 
     def picture_findings(self, seen: Evidence, seed: int = 0) -> list[Finding]:
         """Judge projections of samples by held-out pictures: `match` and `variety` of `evidence`."""
-        d = self.picture_distance
+        d = self.picture_distance(seen.silhouettes)
         base = nearest(d(seen.real, seen.others), seen.apart)
         to_generated = d(seen.real, seen.generated).amin(1).mean().item()
         n = len(seen.generated)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from ..metrics import Finding, Score
@@ -34,6 +33,7 @@ class Evidence:
         real_views: (M,) their observations if those are known.
         others: (T, ...), training pictures.
         apart: (M, T), whether a training picture surely shows another object than the real one.
+        silhouettes: whether they are silhouettes.
     """
 
     generated: Tensor
@@ -42,6 +42,7 @@ class Evidence:
     real_views: Tensor | None
     others: Tensor
     apart: Tensor
+    silhouettes: bool = True
 
     @property
     def is_enough(self) -> bool:
@@ -99,8 +100,3 @@ def pairs(distance: Tensor) -> float:
     """Return the mean distance (N, N) of two different members."""
     n = len(distance)
     return (distance.sum() / max(n * (n - 1), 1)).item()
-
-
-def root_mean_square(a: Tensor, b: Tensor) -> Tensor:
-    """Return the root mean square differences (A, B) of pictures (A, ...) and (B, ...)."""
-    return torch.cdist(a.flatten(1).float(), b.flatten(1).float()) / max(a[0].numel(), 1) ** 0.5

@@ -54,7 +54,9 @@ class Images(Domain):
             )
         return upright | turned_scores(x, reference, turns // 2 if turns else DIRECTIONS, seed)
 
-    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
+    def projection_scores(
+        self, y: Tensor, reference: Tensor, seed: int = 0, silhouettes: bool = False
+    ) -> dict[str, Score]:
         return line_scores(y, reference, seed=seed) if reference.dim() == 3 else {}
 
     def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:

@@ -65,7 +65,9 @@ class Maps(Domain):
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         return material_scores(x, reference, seed, rendered_alike(x, reference, self.fresnel))
 
-    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
+    def projection_scores(
+        self, y: Tensor, reference: Tensor, seed: int = 0, silhouettes: bool = False
+    ) -> dict[str, Score]:
         found = patch_distance(y, reference, seed=seed)
         how = f"sliced Wasserstein-1 of patches, {len(y)} generated vs {len(reference)}"
         return {"patch": Score(found.mean, how, len(y), seed)}

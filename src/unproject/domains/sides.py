@@ -40,7 +40,9 @@ def seen_from(observations: Sequence[Observation], shares: Tensor) -> Tensor:
 def opposite_sides_agree(observation: Observation) -> bool:
     """Whether pictures of a random volume from opposite sides are each other's mirror images."""
     rng = generator_at(0, 0, "opposite sides")
-    x = 0.1 * torch.rand(4, 8, 8, 8, generator=rng)  # full voxels would make all pictures white
+    x = 0.1 * torch.rand(
+        4, *observation.projection.example_shape, generator=rng
+    )  # full voxels would make all pictures white
     theta = observation.prior.sample(len(x), rng)
     behind = {name: -value if name in ("elevation", "roll") else value for name, value in theta.items()}
     there = observation.projection(x, **(behind | {"azimuth": theta["azimuth"] + math.pi}))

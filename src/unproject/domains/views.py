@@ -24,11 +24,11 @@ def free_turns(observations: Sequence[Observation], half: bool) -> int:
     """Return how many turns of a sample explain the same data where views are unknown.
 
     Any turn by a bin does; with views that are not in bins any turn does. Directions that cover half a turn make twice
-    as many turns.
+    as many turns, and so does an odd number of bins, which a reflection does not map to bins.
     """
     parts = getattr(observations[0].prior, "parts", ())
     bins = view_bins(observations) if len(observations) > 1 else len(_first_factors(parts)) or ANY
-    return 2 * bins if half else bins
+    return 2 * bins if half or bins % 2 else bins
 
 
 def cover_half_a_turn(observations: Sequence[Observation]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
-from ..metrics import Finding, Score, one_minus_iou, shape_scores, silhouette_scores
+from ..metrics import Finding, Score, one_minus_iou, picture_scores, shape_scores, silhouette_scores
 from ..ops.framing import unit_sized
 from ..ops.layout import repeated_volumes
 from ..ops.parts import largest_part, number_parts
@@ -68,8 +68,13 @@ class Volumes(Domain):
         found = shape_scores(unit_sized(x), unit_sized(reference.float()), bins=turns, seed=seed)
         return {name: replace(score, protocol=f"{score.protocol}, all at one size") for name, score in found.items()}
 
-    def projection_scores(self, y: Tensor, reference: Tensor, seed: int = 0) -> dict[str, Score]:
-        return silhouette_scores(y, reference, seed=seed) if reference.dim() == 4 and reference.shape[1] == 1 else {}
+    def projection_scores(
+        self, y: Tensor, reference: Tensor, seed: int = 0, silhouettes: bool = False
+    ) -> dict[str, Score]:
+        if reference.dim() != 4:
+            return {}
+        scores = silhouette_scores if silhouettes else picture_scores
+        return scores(y, reference, seed=seed)
 
     def checks(self, x: Tensor, seed: int = 0) -> dict[str, Score]:
         solid = x.flatten(1).amax(1) > 0.5
@@ -100,13 +105,15 @@ class Volumes(Domain):
             Finding("empty", empty, *EMPTY, f"{empty.value:.0%} of shapes are empty", "train longer, or lower --rate"),
         ]
 
-    def picture_distance(self, a: Tensor, b: Tensor) -> Tensor:
-        return one_minus_iou(a, b)
+    def picture_distance(self, silhouettes: bool) -> Callable[[Tensor, Tensor], Tensor]:
+        return one_minus_iou if silhouettes else super().picture_distance(silhouettes)
 
     def picture_findings(self, seen: Evidence, seed: int = 0) -> list[Finding]:
-        distance = one_minus_iou(seen.real, seen.generated)
-        likeness = likeness_finding(nearest(one_minus_iou(seen.real, seen.others), seen.apart), len(seen.real), seed)
-        return [*super().picture_findings(seen, seed), *label_finding(distance, seen, seed), likeness]
+        distance = self.picture_distance(seen.silhouettes)
+        found = super().picture_findings(seen, seed) + label_finding(distance(seen.real, seen.generated), seen, seed)
+        if seen.silhouettes:
+            found.append(likeness_finding(nearest(distance(seen.real, seen.others), seen.apart), len(seen.real), seed))
+        return found
 
     def side_findings(self, observations: Sequence[Observation], shares: Tensor, known: bool) -> list[Finding]:
         return side_findings(observations, shares, known)

@@ -28,6 +28,8 @@ from torch import Tensor, nn
 from .._random import derived_seed, generator_at, seeded
 
 COMPONENTS, STEPS, BATCH, AT_ONCE = 32, 300, 64, 512
+MOST, EXACT = 2**26, 1024
+"""Pixels of all pictures whose components are found; the side of a matrix of them up to which these are exact."""
 BENT, KNOTS = 0.35, 4
 """Deviation of a warp in half widths of the picture, and knots a side between which it is smooth."""
 DOUBTFUL = 0.03
@@ -62,21 +64,29 @@ class Novelty:
 
     @classmethod
     def fitted(
-        cls, pictures: Tensor, held_out: Tensor, prepare: Prepare = lambda y: y, steps: int = STEPS, seed: int = 0
+        cls,
+        pictures: Tensor,
+        held_out: Tensor,
+        prepare: Prepare = lambda y: y,
+        steps: int = STEPS,
+        seed: int = 0,
+        masks: bool = True,
     ) -> Novelty:
         """Return what compares with training pictures (N, ...), and knows held-out ones (M, ...).
 
         Args:
             prepare: what the projection does to its pictures (`Projection.prepare`), done to warped ones.
             steps: of the network, which pictures (C, H, W) have.
+            masks: whether pictures are masks, which stay so when they are warped.
         """
         rng = generator_at(seed, 0, "novelty")
-        some = pictures[torch.randperm(len(pictures), generator=rng)[:4096]].flatten(1)
+        most = max(MOST // pictures[0].numel(), 2 * COMPONENTS)
+        some = pictures[torch.randperm(len(pictures), generator=rng)[: min(most, 4096)]].flatten(1)
         mean = some.mean(0)
-        _, length, axes = torch.linalg.svd(some - mean, full_matrices=False)
+        length, axes = _principal(some - mean, derived_seed(seed, 0, "novelty"))
         count = min(COMPONENTS, int((length > 1e-3 * length[0]).sum()))
         axes = axes[:count] / (length[:count, None] / len(some) ** 0.5)
-        network = None if pictures.dim() < 4 else _trained(pictures, prepare, steps, seed)
+        network = None if pictures.dim() < 4 else _trained(pictures, prepare, steps, seed, masks)
         found = cls(mean, axes, network, torch.empty(0))
         return cls(mean, axes, network, found.strangeness(held_out))
 
@@ -96,6 +106,16 @@ class Novelty:
         return (shares.amin(1) * shares.shape[1]).clamp_max(1)
 
 
+def _principal(x: Tensor, seed: int) -> tuple[Tensor, Tensor]:
+    """Return the largest singular values of x (N, D), in order, and their axes (r, D): all, or of many some 48."""
+    if min(x.shape) <= EXACT:
+        _, length, axes = torch.linalg.svd(x, full_matrices=False)
+        return length, axes
+    with seeded(seed, "components"):
+        _, length, axes = torch.svd_lowrank(x, COMPONENTS + 16, niter=4)
+    return length, axes.T
+
+
 def network_for(shape: tuple[int, ...]) -> nn.Module:
     """Return the network for pictures of this shape, (C, H, W)."""
     layers: list[nn.Module] = []
@@ -105,7 +125,7 @@ def network_for(shape: tuple[int, ...]) -> nn.Module:
     return nn.Sequential(*layers, nn.Flatten(), nn.Dropout(0.3), nn.Linear(features, 1))
 
 
-def _trained(pictures: Tensor, prepare: Prepare, steps: int, seed: int) -> nn.Module:
+def _trained(pictures: Tensor, prepare: Prepare, steps: int, seed: int, masks: bool) -> nn.Module:
     """Return a network that tells pictures from warped ones."""
     with seeded(derived_seed(seed, 0, "novelty"), "weights"):
         network = network_for(tuple(pictures.shape[1:]))
@@ -113,14 +133,14 @@ def _trained(pictures: Tensor, prepare: Prepare, steps: int, seed: int) -> nn.Mo
         for step in range(steps):
             rng = generator_at(seed, step, "warped")
             real = pictures[torch.randint(len(pictures), (BATCH,), generator=rng)]
-            loss = F.softplus(-network(real)).mean() + F.softplus(network(warped(real, rng, prepare))).mean()
+            loss = F.softplus(-network(real)).mean() + F.softplus(network(warped(real, rng, masks, prepare))).mean()
             adam.zero_grad()
             loss.backward()
             adam.step()
     return network.eval()
 
 
-def warped(pictures: Tensor, rng: torch.Generator, prepare: Prepare = lambda y: y) -> Tensor:
+def warped(pictures: Tensor, rng: torch.Generator, masks: bool, prepare: Prepare = lambda y: y) -> Tensor:
     """Return pictures (B, C, H, W) warped smoothly at random; masks stay masks, or blur would give them away."""
     count, size = len(pictures), [2 * side for side in pictures.shape[2:]]
     fine = F.interpolate(pictures, size=size, mode="bilinear", align_corners=False)
@@ -129,5 +149,5 @@ def warped(pictures: Tensor, rng: torch.Generator, prepare: Prepare = lambda y: 
     bend = BENT * torch.randn(count, 2, KNOTS, KNOTS, generator=rng)
     bend = F.interpolate(bend, size=size, mode="bicubic", align_corners=False).permute(0, 2, 3, 1)
     bent = F.grid_sample(fine, (place + bend).to(fine), align_corners=False)
-    framed = prepare((bent > 0.5).to(bent) if pictures.shape[1] == 1 else bent)
+    framed = prepare((bent > 0.5).to(bent) if masks else bent)
     return framed if framed.shape == pictures.shape else F.avg_pool2d(framed, 2)

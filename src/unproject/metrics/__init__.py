@@ -11,6 +11,7 @@ from .map_correlation import CorrelationError, CorrelationTable, correlation_err
 from .material_scores import material_scores
 from .open_turns import open_gauges, randomly_turned, turned_scores
 from .patches import PatchDistance, kernel_patches, patch_distance, texture_features
+from .picture_sets import picture_scores
 from .score import Score
 from .shape_scores import set_scores, shape_scores
 from .shape_sets import coverage, minimum_matching_distance, one_nearest_neighbour_accuracy
@@ -57,6 +58,7 @@ __all__ = [
     "set_scores",
     "shape_scores",
     "silhouette_features",
+    "picture_scores",
     "silhouette_scores",
     "surface_points",
     "texture_features",

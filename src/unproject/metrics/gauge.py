@@ -76,6 +76,10 @@ class Gauge:
         turned = self.bins // 2 - self.turn - k if self.reflected else k + self.turn
         return turned.remainder(self.bins)
 
+    def azimuth_of(self, azimuth: Tensor) -> Tensor:
+        """Return the azimuth, radians, from which x has the silhouette that T F x has from this one."""
+        return math.pi - self.azimuth - azimuth if self.reflected else azimuth + self.azimuth
+
     def __str__(self) -> str:
         return f"turn {self.turn}/{self.bins}{', reflected' if self.reflected else ''}"
 

@@ -27,6 +27,8 @@ class Projection:
     Class attributes:
         linear: true if P is linear in x; the superposition and adjoint laws are then tested too.
         example_shape: the shape of one x, used by the laws when no example is given.
+        silhouettes: whether the pictures are silhouettes, which are compared where they are above ½; others by their
+            root mean square differences.
 
     Raises:
         UserError: on use, if the subclass defines no `forward`.
@@ -43,6 +45,7 @@ class Projection:
     """
 
     linear: ClassVar[bool] = False
+    silhouettes: ClassVar[bool] = False
     example_shape: ClassVar[tuple[int, ...]] = (8, 8, 8)
     # Declared as torch.nn.Module does, so that a subclass may name its latents without an incompatible override.
     forward: Callable[..., Tensor] = _missing_forward

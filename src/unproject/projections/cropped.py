@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -52,6 +53,7 @@ class Cropped(Projection):
         True
     """
 
+    silhouettes: ClassVar[bool] = True
     silhouette: Silhouette
     height: float = 0.85
 

@@ -7,6 +7,7 @@ says nothing of them; so neither may the silhouette that it is compared with.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from torch import Tensor
 
@@ -38,6 +39,7 @@ class FramedSilhouette(Projection):
         (True, 0.562)
     """
 
+    silhouettes: ClassVar[bool] = True
     silhouette: Silhouette
     fill: float = 0.85
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import torch
 from torch import Tensor
@@ -88,6 +88,7 @@ class Silhouette(Projection):
         0.25
     """
 
+    silhouettes: ClassVar[bool] = True
     size: int | None = None
     rule: Rule = "any"
     camera: Camera = "orthographic"

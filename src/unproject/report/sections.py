@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..training.run import is_foreign
+from ..training.building import is_foreign
 from .contents import Contents, number
 from .curves import HEIGHT, charts_of, draw
 from .markup import command, definitions, paragraph, picture, section, text

@@ -18,6 +18,7 @@ from ..data import Collection
 from ..inversion import Fit, Fitter, Novelty, Search
 from ..training import Run
 from ..training.fitted_pictures import (
+    Frame,
     doubts,
     framed_viewing,
     given_view,
@@ -68,14 +69,17 @@ class Means:
 
     run: Run
     state: AssignmentState
+    frame: Frame
     fitter: Fitter
 
     @classmethod
     def of(cls, run: Run, asked: Asked) -> Means:
         """Return what reads and explains pictures of one kind."""
-        state = state_of(run.assignments(run.recipe()), asked.observation)
+        states = run.assignments(run.recipe())
+        state = state_of(states, asked.observation)
         viewing = framed_viewing(viewing_of(state, asked.observation), [Path(asked.name)])
-        return cls(run, state, run.fitter(viewing=viewing, search=SEARCHES[asked.search]))
+        fitter = run.fitter(viewing=viewing, search=SEARCHES[asked.search])
+        return cls(run, state, Frame.of(run.domain, states, state), fitter)
 
 
 class Explanation:
@@ -179,7 +183,7 @@ def _read(asked: Asked, means: Means) -> Collection:
         file = Path(folder) / f"picture{Path(asked.name).suffix.lower()}"
         file.write_bytes(asked.content)
         found = _told(lambda: observed(means.run, [file], viewing), str(file), asked.name[:80])
-        found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given))
+        found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, means.frame))
     first = object_of(found.names[0])
     return found.subset([row for row, name in enumerate(found.names) if object_of(name) == first])
 

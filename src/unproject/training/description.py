@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from .._objects import module_name
 from .._types import UserError
 from ..data import Collection
 from ..data.lazy import Lazy
@@ -75,9 +76,11 @@ def _call(function: Any, keywords: Mapping[str, Any], positional: tuple[Any, ...
 
 
 def full_name(value: Any) -> str:
-    """Return `module:qualified.name` of a function or class."""
+    """Return `module:qualified.name` of a function or class, of the script that runs as `find_object` names it."""
     module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
-    return f"{module}:{name}" if module and name else f"{type(value).__module__}:{type(value).__qualname__}"
+    if not (module and name):
+        module, name = type(value).__module__, type(value).__qualname__
+    return f"{module_name(module)}:{name}"
 
 
 def fingerprint(items: Tensor | Lazy) -> str:

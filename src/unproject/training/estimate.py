@@ -14,6 +14,8 @@ many where four samples leave cores idle.
 
 from __future__ import annotations
 
+import os
+import re
 import time
 import weakref
 from collections.abc import Callable, Iterator
@@ -68,14 +70,31 @@ def unchecked() -> Iterator[None]:
 
 
 def available_memory(device: torch.device) -> int | None:
-    """Return the bytes that can be had on a device; None where the system does not say."""
+    """Return the bytes that a process can have on a device; None where the system does not say.
+
+    Processes that torchrun or `--processes` started on one machine have equal parts.
+    """
     if device.type == "cuda":
         return torch.cuda.mem_get_info(device)[0]
     table = Path("/proc/meminfo")
     if not table.exists():
         return None
     lines = dict(line.split(":", 1) for line in table.read_text(encoding="ascii").splitlines())
-    return 1024 * int(lines["MemAvailable"].split()[0])
+    there = [1024 * int(lines["MemAvailable"].split()[0]), *_left_to_container(Path("/sys/fs/cgroup"))]
+    return min(there) // int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+
+
+def _left_to_container(groups: Path) -> list[int]:
+    """Return the bytes that a control group, as of a container, leaves to its processes; nothing if it has no limit."""
+    names = ("memory.max", "memory.current"), ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")
+    for limit, used in names:
+        if not (groups / limit).exists():
+            continue
+        most, taken = ((groups / name).read_text(encoding="ascii").strip() for name in (limit, used))
+        stat = (groups / limit).with_name("memory.stat").read_text(encoding="ascii")
+        cached = re.search(r"^(?:total_)?inactive_file (\d+)$", stat, re.MULTILINE)  # given up where memory is needed
+        return [int(most) - int(taken) + int(cached[1] if cached else 0)] if most.isdigit() else []
+    return []
 
 
 def require_memory(need: int, what: str, instead: str, device: torch.device | None = None) -> None:

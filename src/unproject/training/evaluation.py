@@ -51,7 +51,8 @@ def sample_scores(
     projection = fitting[0].panel.projection
     given = projection.standardise(reference) if isinstance(projection, Standardised) else reference
     prepared = projection.prepare(given)
-    return domain.projection_scores(projected(fitting[0], x, seed), prepared, seed) | domain.checks(x, seed)
+    seen = projected(fitting[0], x, seed)
+    return domain.projection_scores(seen, prepared, seed, projection.silhouettes) | domain.checks(x, seed)
 
 
 @torch.no_grad()
@@ -74,7 +75,8 @@ def picture_scores(domain: Domain, state: AssignmentState, x: Tensor, seed: int)
     if count < LEAST:
         return {}
     rows = torch.randperm(len(state.panel), generator=generator_at(seed, 0, "training images"))[:count]
-    found = domain.projection_scores(projected(state, x, seed), state.panel.batch(rows), seed)
+    silhouettes = state.panel.projection.silhouettes
+    found = domain.projection_scores(projected(state, x, seed), state.panel.batch(rows), seed, silhouettes)
     return {name: replace(score, protocol=_of_training(score.protocol)) for name, score in found.items()}
 
 
@@ -89,16 +91,27 @@ def estimated_view_scores(
 ) -> dict[str, Score]:
     """Score estimated views against known ones, of the first panel that has both; nothing if none has.
 
+    Of an odd number of bins of a full turn there is no score: reflections do not map them to one another.
+
     Args:
         ceiling: also train a view predictor on the known views, which takes a minute or two.
     """
     for state in assignments:
-        estimated, true = state.estimates(), true_views(state.panel)
-        if estimated is not None and true is not None:
-            rows = (estimated >= 0).nonzero()[:, 0]  # of a large collection some are estimated
+        found = estimated_and_true(domain, state)
+        if found is not None:
+            rows, estimated, true = found
             best = supervised_ceiling(domain, state.panel, true, seed, rows=rows) if ceiling else None
             return view_scores(accuracy_of(domain, state.panel, estimated[rows], true[rows]), best, seed)
     return {}
+
+
+def estimated_and_true(domain: Domain, state: AssignmentState) -> tuple[Tensor, Tensor, Tensor] | None:
+    """Return rows whose views were estimated, and estimated and known views of all (N,); None where these lack."""
+    estimated, true, observations = state.estimates(), true_views(state.panel), state.panel.observations
+    mirrored = domain.half_turn(observations) or domain.bins(observations) % 2 == 0  # else bins mirror no bins
+    if estimated is None or true is None or not mirrored:
+        return None
+    return (estimated >= 0).nonzero()[:, 0], estimated, true  # of a large collection some are estimated
 
 
 def turns_of(domain: Domain, assignments: Sequence[AssignmentState]) -> int | None:

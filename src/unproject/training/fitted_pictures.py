@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +14,15 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
+from ..assignment import AssignmentState
 from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
 from ..data.measured_lines import standardised_lines
 from ..data.readers.pictures import picture_files
+from ..domains import Domain
 from ..inversion import DOUBTFUL, Fit, Viewing
-from ..projections import Cropped, FramedSilhouette, LineIntegral, Projection, Silhouette, Standardised
+from ..metrics import Gauge
+from ..projections import FramedSilhouette, LineIntegral, Projection, Silhouette, Standardised
+from .evaluation import accuracy_of, estimated_and_true, turns_of
 from .run_directory import read_recipe
 
 if TYPE_CHECKING:
@@ -29,6 +34,8 @@ FAR = 0.6
 """The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
 
 
+TOLD = 2
+"""How many times as often as by chance known views have to be found, for them to tell how samples are turned."""
 NO_ANGLES, NO_VIEWS = ("perspective",), ("probe", "jitter")
 """Latents that are not angles; and those that say nothing of the camera or the light."""
 
@@ -75,7 +82,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         center = read_recipe(opened.path)["arguments"].get("center")
         unit = unit_of(viewing.projection) if scale is None else scale
         return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), unit, center)
-    if not isinstance(viewing.projection, (Cropped, FramedSilhouette, Silhouette)):
+    if not viewing.projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
         return read(paths[0], size, pictures="images")
@@ -88,11 +95,58 @@ def unit_of(projection: Projection) -> float:
     return projection.unit if isinstance(projection, LineIntegral) else 1.0
 
 
-def known_views(found: Collection, viewing: Viewing, given: Mapping[str, float]) -> dict[str, Tensor] | None:
-    """Return what is known of each picture's view: what is given, or else stands beside the pictures."""
+@dataclass(frozen=True)
+class Frame:
+    """How known views lie in the frame of a run's samples.
+
+    Attributes:
+        turned: the latent that a run which found its views itself knows up to a turn only (default: none is).
+        gauge: from the frame of its samples to that of known views, where its training pictures tell it.
+    """
+
+    turned: str | None = None
+    gauge: Gauge | None = None
+
+    @classmethod
+    def of(cls, domain: Domain, states: Sequence[AssignmentState], state: AssignmentState) -> Frame:
+        """Return that of a run's samples, by the known views of a panel's pictures if there are any."""
+        if turns_of(domain, states) is None:
+            return cls()
+        found, (turned, *_) = estimated_and_true(domain, state), state.panel.observations[0].prior.names
+        if found is None or turned != "azimuth":
+            return cls(turned)
+        rows, estimated, true = found
+        accuracy = accuracy_of(domain, state.panel, estimated[rows], true[rows])
+        return cls(turned, accuracy.gauge if accuracy.exact > TOLD * accuracy.chance_exact else None)
+
+    def moved(self, latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Return known latents in the frame of the samples, without what cannot be told there."""
+        kept = dict(latents)
+        if self.turned in kept:
+            turned = kept.pop(self.turned)
+            if self.gauge is not None:
+                kept[self.turned] = self.gauge.azimuth_of(turned)
+        return kept
+
+
+def known_views(
+    found: Collection, viewing: Viewing, given: Mapping[str, float], frame: Frame = Frame()
+) -> dict[str, Tensor] | None:
+    """Return what is known of each picture's view: what is given, or else stands beside the pictures.
+
+    Raises:
+        UserError: if what is given cannot be told in the frame of the run's samples.
+    """
     taken = {*viewing.projection.latents, *viewing.projection.optional_latents}
     beside = {name: value for name, value in (found.latents or {}).items() if name in taken}
-    return beside | {name: torch.full((len(found),), value) for name, value in given.items()} or None
+    known = beside | {name: torch.full((len(found),), value) for name, value in given.items()}
+    moved = frame.moved(known)
+    if lost := known.keys() - moved.keys():
+        why = f"this run found its views itself, so that no side of its samples is known to be at {frame.turned} 0"
+        if lost & given.keys():
+            raise UserError(f"the given view cannot be used: {why}; leave it out, or train with known views")
+        warnings.warn(f"the {frame.turned} beside the pictures is not used: {why}", stacklevel=2)
+    return moved or None
 
 
 def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:

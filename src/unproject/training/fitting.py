@@ -75,5 +75,5 @@ def novelty_of(state: AssignmentState, viewing: Viewing, seed: int = 0) -> Novel
         held_out, pictures = panel.batch(rows[:count]), panel.batch(rows[count:])
     else:
         held_out, pictures = panel.held_out.floats(), panel.batch(rows)
-    prepare = viewing.projection.prepare
-    return Novelty.fitted(prepare(pictures), prepare(held_out), prepare, seed=seed)
+    prepare, masks = viewing.projection.prepare, viewing.projection.silhouettes
+    return Novelty.fitted(prepare(pictures), prepare(held_out), prepare, seed=seed, masks=masks)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec
 
 from .._files import understood
-from .._objects import find_object
+from .._objects import find_object, import_name
 from .._types import UserError
 from .description import full_name
 from .recipe import Options, Origin, Recipe
@@ -35,9 +36,13 @@ def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
     @functools.wraps(function)
     def remembered(*positional: P.args, **arguments: P.kwargs) -> Recipe:
         made = function(*positional, **arguments)
-        if positional or not all(map(_storable, arguments.values())):
+        named = [
+            name for name, p in inspect.signature(function).parameters.items() if p.kind is p.POSITIONAL_OR_KEYWORD
+        ]
+        given: dict[str, Any] = {**dict(zip(named, positional, strict=False)), **arguments}
+        if len(positional) > len(named) or not all(map(_storable, given.values())):
             return made
-        return made.replace(origin=origin_of(full_name(function), full_name(function), arguments))
+        return made.replace(origin=origin_of(import_name(function), import_name(function), with_paths(function, given)))
 
     vars(remembered)["is_resumable"] = True
     return remembered
@@ -54,10 +59,11 @@ def make(name: str, function: Callable[..., Any], arguments: dict[str, Any]) -> 
     if not isinstance(made, Recipe):
         raise UserError(f"{name} returned {type(made).__name__}; name a function that returns a Recipe")
     given = {key: value for key, value in options.items() if value is not None}
-    where = name if name.rpartition(":")[0].endswith(".py") else full_name(function)
+    where = name if name.rpartition(":")[0].endswith(".py") else import_name(function)
     seed = {"seed": given.pop("seed")} if "seed" in given else {}
     made = made.configured(given).replace(**seed)  # pyright: ignore[reportArgumentType]
-    return made.replace(origin=origin_of(name, where, {**arguments, **_chosen(made.origin, arguments)}))
+    arguments = with_paths(function, {**arguments, **_chosen(made.origin, arguments)})
+    return made.replace(origin=origin_of(name, where, arguments))
 
 
 def _chosen(origin: Origin | None, arguments: dict[str, Any]) -> dict[str, Any]:
@@ -82,6 +88,16 @@ def split(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[dict
         elif not further:
             options[name] = value
     return own, options
+
+
+def with_paths(function: Callable[..., Any], arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments with strings as paths where the function takes a path: `data="my_masks"`."""
+    parameters = inspect.signature(function).parameters
+
+    def takes_path(name: str) -> bool:
+        return name in parameters and re.search(r"\bPath\b", str(parameters[name].annotation)) is not None
+
+    return {name: Path(v) if isinstance(v, str) and takes_path(name) else v for name, v in arguments.items()}
 
 
 def origin_of(name: str, function: str, arguments: dict[str, Any]) -> Origin:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +23,13 @@ from ..metrics import Score
 from ..networks import Generator
 from ..networks.generators import FINE_VOXELS
 from . import checkpoint
+from .building import build, build_domain
 from .estimate import require_memory
 from .evaluation import estimated_view_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
 from .origin import rebuild
 from .recipe import Recipe
-from .run_directory import read_origin, read_recipe
+from .run_directory import check_data, read_origin, read_recipe
 from .state import begin_assignments, keep_hull_if_level, load_module
 from .verdict import Verdict, judge
 
@@ -190,7 +189,13 @@ class Run:
         return Fitter(generator, viewing, search or Search(), seed, self.domain.repeated)
 
     def assignments(self, recipe: Recipe) -> list[AssignmentState]:
-        """Return the assignment of each panel as the newest checkpoint has it."""
+        """Return the assignment of each panel as the newest checkpoint has it.
+
+        Raises:
+            UserError: if the recipe has more or fewer data than the run was trained on; if others, there is a warning.
+        """
+        if recipe is not self.made:
+            check_data(self.path, recipe)
         with seeded(recipe.seed, "weights"):
             states = begin_assignments(recipe)
         newest = checkpoint.newest(self.path / "checkpoints")
@@ -232,9 +237,9 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     stored = read_recipe(path)
     if trust and ":" in stored["recipe"]:
         find_object(stored["recipe"])  # its file is no module that could be imported by name
-    generator = _build(path, stored["resolved"].get("generator"), Generator, trust)
+    generator = build(path, stored["resolved"].get("generator"), Generator, trust)
     given = stored["resolved"].get("domain")
-    domain = domain_of(generator, None if given is None else _build_domain(path, given, trust))
+    domain = domain_of(generator, None if given is None else build_domain(path, given, trust))
     newest = checkpoint.newest(path / "checkpoints")
     tensors = checkpoint.load(newest, "average/")
     try:
@@ -256,46 +261,3 @@ def _require_memory_of(n: int, size: int, domain: str) -> None:
     if domain != "volume":
         need, what = (4 * 2 * n * 8 + TEXEL_BYTES) * size**2, "² texels"
     require_memory(need, f"{n} samples of {size}{what} take", "lower n or size")
-
-
-def is_foreign(path: Path) -> bool:
-    """Whether loading the run imports code outside this package, which needs `trust`."""
-    resolved = read_recipe(path)["resolved"]
-    parts = [(resolved.get("generator"), "call"), (resolved.get("domain"), "type")]
-    return any(_outside(str(part.get(key))) for part, key in parts if part)
-
-
-def _outside(name: str) -> bool:
-    """Whether `module:name` is of another package."""
-    return name.partition(":")[0].partition(".")[0] != "unproject"
-
-
-def _build_domain(path: Path, described: Any, trust: bool) -> Domain:
-    if not isinstance(described, Mapping) or "type" not in described:
-        raise UserError(f"{path}: recipe.json does not say how to build the domain; restore the file")
-    fields = {name: value for name, value in described.items() if name != "type"}
-    call = {"call": described["type"], "positional": [], "arguments": fields}
-    return _build(path, call, Domain, trust)
-
-
-def _build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
-    """Build the generator or the domain that recipe.json describes."""
-    name = kind.__name__.lower()
-    try:
-        where, positional, arguments = str(described["call"]), described["positional"], described["arguments"]
-    except (TypeError, KeyError) as error:
-        raise UserError(f"{path}: recipe.json does not say how to build the {name}; restore the file") from error
-    module, _, attribute = where.partition(":")
-    if not trust and _outside(where):
-        raise UserError(f"{path}: its {name} is {where}, code outside unproject; add --trust if you wrote it")
-    try:
-        build: Any = import_module(module)
-        for part in attribute.split("."):
-            build = getattr(build, part)
-        if trust or (isinstance(build, type) and issubclass(build, kind)):
-            return build(*positional, **arguments)
-    except Exception as error:  # a constructor refuses wrong arguments with whatever kind of error it runs into
-        raise UserError(
-            f"{path}: the {name} of recipe.json cannot be built ({type(error).__name__}: {error}); restore the file"
-        ) from error
-    raise UserError(f"{path}: recipe.json names {where}, which is no {name}; restore the file")

@@ -17,6 +17,7 @@ import re
 import shutil
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -33,6 +34,7 @@ except ImportError:  # Windows
     fcntl = None
 
 from .._files import atomic_path, read_json, understood
+from .._objects import module_name
 from .._types import UserError
 from .description import describe
 from .recipe import Origin, Recipe
@@ -49,6 +51,10 @@ def check_free(path: Path) -> None:
     if (path / "recipe.json").exists():
         raise UserError(
             f"{path}: holds a run already; `unproject resume {path}` goes on with it, or choose another --out"
+        )
+    if any((path / "checkpoints").glob("step-*")):
+        raise UserError(
+            f"{path}: holds checkpoints of a run without its recipe.json; remove them, or choose another --out"
         )
     if path.exists() and not path.is_dir():
         raise UserError(f"{path}: is a file; choose another --out")
@@ -173,12 +179,41 @@ def _observed(resolved: dict[str, Any]) -> list[str]:
 def check_same(path: Path, recipe: Recipe) -> None:
     """Raise UserError, naming the field, unless `recipe` is the one the run was started with (budget aside)."""
     before, now = read_recipe(path)["resolved"], json.loads(json.dumps(describe(recipe)))
+    # Runs of before 27 November 2026 name what a script defined as it was called in their own process.
+    before = json.loads(json.dumps(before).replace('"__main__:', f'"{module_name("__main__")}:'))
     for name in before | now:
         if name not in HARMLESS and before.get(name) != now.get(name):
             raise UserError(
                 f"{path}: {name} differs from when the run was started; resume with the same recipe and data, "
                 "or start a new run"
             )
+
+
+def check_data(path: Path, recipe: Recipe) -> None:
+    """Warn if a recipe has other data than the run was started with, of the same number and shape.
+
+    Raises:
+        UserError: if their numbers or shapes differ.
+    """
+    before = _collections(read_recipe(path)["resolved"].get("panels"))
+    now = [found for panel in recipe.panels for found in _collections(describe({"data": panel.data}))]
+    if [shape for shape, _ in before] != [shape for shape, _ in now]:
+        counts = [", ".join(str(shape[0]) for shape, _ in found) for found in (before, now)]
+        raise UserError(f"{path}: was trained on other data ({counts[0]} items then, {counts[1]} now); restore them")
+    if before != now:
+        warnings.warn(f"{path}: its data are others than in training; pictures are compared with them", stacklevel=2)
+
+
+def _collections(described: Any) -> list[tuple[Any, Any]]:
+    """Return (shape, fingerprint) of the data of described panels."""
+    if isinstance(described, list):
+        return [found for part in described for found in _collections(part)]
+    if not isinstance(described, dict):
+        return []
+    shape = described.get("collection")
+    return (
+        [(shape, described.get("sha256"))] if isinstance(shape, list) and shape else _collections(described.get("data"))
+    )
 
 
 def environment() -> dict[str, Any]:

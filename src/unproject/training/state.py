@@ -106,6 +106,7 @@ class State:
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
         built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
+        self._learning = [p for p in self.discriminators.parameters() if p.requires_grad]
         if recipe.normalise_over == "processes":
             share_statistics(self.discriminators)
             if recipe.penalty is not None and shares_statistics(self.discriminators):
@@ -116,6 +117,11 @@ class State:
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
         self.generator_optimiser = optimiser_of(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = optimiser_of(self.discriminators, recipe.discriminator_optimiser)
+
+    def let_discriminators_learn(self, learn: bool) -> None:
+        """Let gradients reach their parameters or not; those that were frozen when they were built stay so."""
+        for parameter in self._learning:
+            parameter.requires_grad_(learn)
 
     def restart(self) -> None:
         """Give generator and discriminators new weights, as the released code does after round 1."""

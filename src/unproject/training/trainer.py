@@ -138,7 +138,7 @@ class Trainer:
 
     def _update_discriminators(self, batches: list[Batch], draw: int, progress: float) -> dict[str, Tensor]:
         recipe, state = self.recipe, self.state
-        state.discriminators.requires_grad_(True)
+        state.let_discriminators_learn(True)
         penalise = recipe.penalty is not None and draw % recipe.penalty.every == recipe.penalty.every - 1
         total, penalty = torch.zeros((), device=state.device), torch.zeros((), device=state.device)
         for index, batch in enumerate(batches):
@@ -163,7 +163,7 @@ class Trainer:
     def _update_generator(self, x: Tensor, batches: list[Batch], progress: float) -> Tensor:
         recipe, state = self.recipe, self.state
         # The discriminators' own gradients are not needed here; without them the pass takes a third less.
-        state.discriminators.requires_grad_(False)
+        state.let_discriminators_learn(False)
         terms = []
         for batch in batches:
             self._check_stop()

@@ -21,7 +21,7 @@ class TrainingContext:
 
     def __init__(self, trainer: Any, progress: float, panel: int) -> None:
         self._trainer, self.progress, self._panel = trainer, progress, panel
-        self.stopping, self.restart = trainer.stopping, trainer.restart
+        self.restart = trainer.restart
         self.subtask = trainer.recorder.subtask
 
     @property
@@ -35,6 +35,10 @@ class TrainingContext:
     @property
     def device(self) -> torch.device:
         return self._trainer.state.device
+
+    def stopping(self) -> bool:
+        """Whether the run was asked to stop, or its budget was spent meanwhile."""
+        return self._trainer.stopping() or self._trainer.progress() >= 1
 
     def save(self) -> None:
         self._trainer.saved_at = None

@@ -115,7 +115,13 @@ def evidence(state: AssignmentState, x: Tensor, seed: int) -> Evidence:
     generated = torch.cat([state.observe(x[which], some, rng) for which, some in turns])
     known = state.views if trained_on else state.held_out_heads
     return Evidence(
-        generated, views, real, known[rows].long() if state.fixes_gauge else None, panel.batch(others), apart
+        generated,
+        views,
+        real,
+        known[rows].long() if state.fixes_gauge else None,
+        panel.batch(others),
+        apart,
+        panel.projection.silhouettes,
     )
 
 

@@ -1,0 +1,38 @@
+"""Sets of pictures with grey values are compared by their root mean square differences."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from unproject._random import generator_at
+from unproject._types import UserError
+from unproject.domains import Volumes
+from unproject.metrics import picture_scores
+from unproject.metrics.picture_sets import root_mean_square
+
+
+def pictures(n: int, seed: int) -> torch.Tensor:
+    return torch.rand(n, 1, 8, 8, generator=generator_at(seed))
+
+
+def test_the_distance_is_the_root_mean_square_difference() -> None:
+    a, b = pictures(3, 0), pictures(2, 1)
+    plain = (a[:, None] - b[None]).square().flatten(2).mean(2).sqrt()
+    torch.testing.assert_close(root_mean_square(a, b), plain)
+
+
+def test_pictures_that_agree_in_being_above_a_half_differ() -> None:
+    """1 - IoU of such pictures at a half is 0."""
+    light = 0.6 + 0.4 * pictures(12, 0)
+    scores = picture_scores(0.6 + 0.4 * pictures(12, 1), light)
+    assert scores["mmd_rms_picture"].value > 0.05
+    assert picture_scores(light, light)["mmd_rms_picture"].value < 1e-3
+    assert Volumes().projection_scores(light, light).keys() == scores.keys()
+    assert "mmd_iou_silhouette" in Volumes().projection_scores(light, light, silhouettes=True)
+    assert Volumes().picture_distance(False) is root_mean_square is not Volumes().picture_distance(True)
+
+
+def test_a_picture_that_is_no_number_is_refused() -> None:
+    with pytest.raises(UserError):
+        picture_scores(pictures(4, 0) * float("nan"), pictures(4, 1))
