@@ -159,15 +159,29 @@ def test_relief_is_that_of_a_height() -> None:
     assert slope_x.std() > 1e-3 and curl.abs().max() < 1e-5
 
 
-def test_at_the_start_maps_go_together_either_way() -> None:
-    """Over materials: some have gloss where they are dark, some where they are light."""
+@pytest.mark.parametrize(("fields", "owned"), [(16, [4, 4, 4, 4]), (6, [2, 2, 1, 1]), (3, [1, 1, 1, 3])])
+def test_each_map_begins_with_fields_of_its_own(fields: int, owned: list[int]) -> None:
+    """Either way round: a field makes its map darker in some materials and lighter in others."""
     with seeded(0):
-        x = StationaryMaterials(32).sample(60, seed=0)
-    fields = torch.stack([x[:, :3].mean(1), x[:, 3], x[:, 4]], 1).flatten(2)
-    fields = fields - fields.mean(2, keepdim=True)
-    fields = fields / fields.square().sum(2, keepdim=True).sqrt()
-    spread = [(fields[:, i] * fields[:, j]).sum(1).std().item() for i, j in ((0, 1), (0, 2), (1, 2))]
-    assert min(spread) > 0.12, spread
+        generator = StationaryMaterials(16, channels=16, least=8, fields=fields)
+        x, hidden = torch.randn(60, fields, 8, 8, requires_grad=True), torch.randn(60, 128)
+    pulls = [torch.autograd.grad(m(x, hidden).sum(), x)[0].sum((2, 3)) for m in generator.branches.values()]
+    uses = torch.stack([pull.abs().sum(0) > 0 for pull in pulls])
+    assert uses.sum(1).tolist() == owned
+    assert uses[: min(fields, 4)].sum(0).tolist() == [1] * fields
+    lighter = torch.cat([(pull[:, used] > 0).float().mean(0) for pull, used in zip(pulls, uses, strict=True)])
+    assert lighter.min() > 0.1 and lighter.max() < 0.9, lighter
+
+
+def test_at_the_start_maps_have_as_much_contrast_as_of_all_fields() -> None:
+    with seeded(0):
+        generator = StationaryMaterials(16, channels=16, least=8)
+        x = torch.randn(60, 16, 8, 8)
+        branch, own = generator.branches["roughness"], torch.arange(16) < 4
+        torch.nn.init.constant_(branch.mix.weight, 0.25)
+        whole = branch.mix(x).std()
+        branch.begin_with(own)
+        assert 0.9 < branch.mix(x).std() / whole < 1.1
 
 
 def test_a_moving_vector_moves_no_noise() -> None:

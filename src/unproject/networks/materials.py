@@ -19,13 +19,13 @@ from .._types import UserError, check_widths
 from ..ops.maps import normals_of, pack_maps
 from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
+from .texture_layers import Pixelwise, TilingLevel, shares, tiled, without_lattice
 from .texture_noise import normal_noise, stretched, white_noise
 
 SCALED = ("diffuse", "specular", "roughness")
 LEAST_Z = 0.05
 LEAST_ROUGHNESS = 5e-3
 START = 4  # places a side of the map in the code
-EITHER_SIGN = 6.0  # gives scales 1 ± 1 before training
 RELIEF = 0.1  # texels of height for an output of 1 before training
 FIRST = {"diffuse": -0.8, "specular": -3.0, "roughness": -0.8, "normal": 0.0}
 """Initial biases of the maps: a nearly flat dielectric, k_d and m = 0.31, k_s = 0.05."""
@@ -203,6 +203,9 @@ class StationaryMaterials(MaterialGenerator):
         self.branches = nn.ModuleDict(
             {name: Pixelwise(hidden, fields, (FIRST[name],) * n) for name, n in self.outputs.items()}
         )
+        for branch, own in zip(self.branches.values(), shares(fields, len(self.branches)), strict=True):
+            assert isinstance(branch, Pixelwise)
+            branch.begin_with(own)
 
     def forward(self, code: Tensor) -> Tensor:
         return self.synthesise(self.map_code(code))
@@ -249,61 +252,3 @@ class StationaryMaterials(MaterialGenerator):
         fields = F.pixel_shuffle(without_lattice(self.last(tiled(x, 1))), 2)
         fields = fields + F.conv2d(noise[-1], self.strength[:, :, None, None])
         return self.maps(vector, {name: branch(fields, hidden) for name, branch in self.branches.items()})
-
-
-class Pixelwise(nn.Module):
-    """A perceptron of two layers, modulated by a vector, that maps fields (B, C, H, W) to one map, pixel by pixel.
-
-    Before training, the sign of a field's weight in a map varies with the vector, so that any two maps are positively
-    correlated in some materials and negatively in others. Training can then change the proportion. If all materials had
-    the same sign, changing it would pass through maps without contrast, which discriminators reject.
-
-    Args:
-        hidden: length of the vector.
-        fields: C.
-        first: initial bias of the map's channels.
-    """
-
-    def __init__(self, hidden: int, fields: int, first: tuple[float, ...]) -> None:
-        super().__init__()
-        self.mix = nn.Conv2d(fields, fields, 1)
-        self.norm = ModulatedScale(hidden, fields)
-        self.last = nn.Conv2d(fields, len(first), 1)
-        nn.init.normal_(self.norm.modulation.weight[:fields], std=EITHER_SIGN * hidden**-0.5)
-        with torch.no_grad():
-            self.last.weight *= 0.5
-            self.last.bias.copy_(torch.tensor(first))  # pyright: ignore[reportOptionalMemberAccess]
-
-    def forward(self, fields: Tensor, hidden: Tensor) -> Tensor:
-        return self.last(F.leaky_relu(self.norm(self.mix(fields), hidden), 0.2)).contiguous()
-
-
-class TilingLevel(nn.Module):
-    """A periodic level: convolution, bilinear doubling, noise, modulated scale, ReLU."""
-
-    def __init__(self, hidden: int, before: int, after: int, sources: int) -> None:
-        super().__init__()
-        self.convolution = nn.Conv2d(before, after, 3, bias=False)
-        self.norm = ModulatedScale(hidden, after)
-        self.strength = nn.Parameter(torch.randn(after, sources) * 0.2 * sources**-0.5)
-
-    def forward(self, x: Tensor, hidden: Tensor, noise: Tensor) -> Tensor:
-        # A border of one more texel than the convolution needs, for the interpolation; removed afterwards.
-        x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
-        x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise, self.strength[:, :, None, None])
-        return F.relu(self.norm(x, hidden))
-
-
-def without_lattice(x: Tensor) -> Tensor:
-    """Equalise the means over places of each four channels of (B, 4 C, H, W) that a sub-pixel shuffle interleaves.
-
-    Otherwise a constant difference of the four, visible as a lattice, is easily learned.
-    """
-    mean = x.mean((2, 3), keepdim=True)
-    each = mean.view(len(x), -1, 4, 1, 1)
-    return x - (each - each.mean(2, keepdim=True)).view_as(mean)
-
-
-def tiled(x: Tensor, border: int) -> Tensor:
-    """Pad x periodically."""
-    return F.pad(x, (border,) * 4, mode="circular")
