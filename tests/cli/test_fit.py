@@ -16,7 +16,7 @@ from PIL import Image
 from unproject._types import UserError
 from unproject.cli import main
 from unproject.data import Collection, cars, chairs
-from unproject.inversion import Viewing
+from unproject.inversion import Search, Viewing
 from unproject.metrics import Gauge, apply
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load
@@ -269,6 +269,15 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
         assert fit(run, scan, "--out", tmp_path / "fits", "--scale", wrong) == 2
 
 
+def test_candidates_that_do_not_fit_in_memory_are_refused(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 10**8)
+    load(shapes).fitter()
+    with pytest.raises(
+        UserError, match="100000 candidates take about 12.2 GB and 0.1 GB are available; lower candidates"
+    ):
+        load(shapes).fitter(search=Search(100000))
+
+
 @pytest.mark.parametrize("gauge", [Gauge(4, False, 16), Gauge(4, True, 16), None])
 def test_known_views_are_told_in_the_frame_of_a_run_that_found_its_own(gauge: Gauge | None) -> None:
     """The azimuths of pictures of T F x are those that x is seen from; without a gauge they say nothing."""
@@ -320,3 +329,13 @@ def test_the_frame_is_told_by_known_views_of_training(tmp_path: Path) -> None:
     assert Frame.of(run.domain, [state], state) == Frame("azimuth", Gauge(4, False, 16))
     state.estimates = lambda: torch.zeros_like(true)
     assert Frame.of(run.domain, [state], state) == Frame("azimuth")
+
+
+def test_an_npz_is_fitted_at_another_size_and_lines_are_refused(
+    shapes: Path, masks: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["data", "pack", str(masks), "--out", str(tmp_path / "p.npz")]) == 0
+    assert fit(shapes, tmp_path / "p.npz", "--no-novelty", "--out", tmp_path / "a") == 0
+    np.savez(tmp_path / "lines.npz", sinograms=np.ones((2, 16, 4), np.float32))
+    assert fit(shapes, tmp_path / "lines.npz", "--out", tmp_path / "b") == 2
+    assert "lines.npz: holds no pictures, and this run learned from silhouettes" in capsys.readouterr().err

@@ -21,7 +21,7 @@ def test_every_recipe_is_listed(argv: list[str], capsys: pytest.CaptureFixture[s
 def test_every_recipe_can_be_shown(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["recipes", "show", name]) == 0
     text = capsys.readouterr().out
-    assert text.startswith(f"{name}(") and "(no docstring)" not in text
+    assert text.startswith(f"{name}\n") and "  --seed int (default: 0)" in text and "(no docstring)" not in text
 
 
 def test_a_recipe_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

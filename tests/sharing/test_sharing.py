@@ -215,3 +215,12 @@ def test_the_card_names_the_data(run: Path, tmp_path: Path) -> None:
     recipe["arguments"]["data"] = {"path": "masks"}
     (copied / "recipe.json").write_text(json.dumps(recipe))
     assert "| data | masks |" in (save_pretrained(copied, tmp_path / "shared") / "README.md").read_text()
+
+
+def test_a_card_has_the_folders_name_and_its_run_is_not_resumed(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["share", str(run), "--out", str(tmp_path / "my-chairs")]) == 0
+    assert "\n# my-chairs\n" in (tmp_path / "my-chairs" / "README.md").read_text()
+    assert main(["resume", str(tmp_path / "my-chairs"), "--steps", "9"]) == 2
+    assert "weights alone, as of a shared run; begin a new run with train --from" in capsys.readouterr().err

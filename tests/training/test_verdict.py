@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from toy import BINS, CHAIRS, SIZE, only_panel, toy
 
 from unproject.assignment import Panel
@@ -39,7 +40,10 @@ def test_the_line_says_what_is_worst_and_what_to_do() -> None:
     assert Verdict((good, doubtful, failed)).line == "failed: c; next: mend c"
     assert Verdict((good, doubtful, finding(1, "d"))).line == "doubtful: b; d; next: mend b"
     assert Verdict((good, finding(0, "e"))).line == "good: a, e"
-    assert Verdict(()).line == "nothing was judged" and Verdict(()).scores() == {}
+    assert (
+        Verdict(()).line.startswith("nothing was judged: that takes 8 pictures of a kind")
+        and Verdict(()).scores() == {}
+    )
 
 
 def test_scores_of_a_verdict() -> None:
@@ -176,3 +180,40 @@ def test_panels_are_told_apart(run: Run) -> None:
 def test_few_pictures_are_not_judged(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "REAL", 3)
     assert {f.name for f in run.verdict().findings} == {"pieces", "empty"}
+
+
+def test_findings_of_several_panels_name_theirs(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "panel_findings", lambda *_: [finding(1, "far off")])
+    (state,) = run.assignments(RECIPE)
+    alone, *_ = judge(run.generator, run.domain, [state]).findings
+    first, *_ = judge(run.generator, run.domain, [state, state]).findings
+    name = state.panel.observations[0].name
+    assert (alone.name, alone.says) == ("one", "far off") and (first.name, first.says) == (
+        f"one_{name}",
+        f"{name}: far off",
+    )
+
+
+def test_a_run_with_too_few_pictures_has_no_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "photos" / "flash"
+    folder.mkdir(parents=True)
+    for k in range(3):
+        Image.new("RGB", (16, 16), (60 * k, 90, 30)).save(folder / f"{k}.png")
+    words = [
+        "--size",
+        "16",
+        "--channels",
+        "8",
+        "--discriminator-channels",
+        "8",
+        "--batch",
+        "2",
+        "--steps",
+        "1",
+        "--matching",
+        "0",
+    ]
+    out = tmp_path / "run"
+    assert main(["train", "wood", "--data", str(folder.parent), *words, "--out", str(out)]) == 0
+    assert "no verdict: nothing was judged: that takes 8 pictures" in capsys.readouterr().out
+    assert not (out / "verdict.json").exists()

@@ -29,6 +29,10 @@ def conclude(run: Run, quiet: bool) -> None:
     verdict = verdict_of(run)
     if verdict is None:
         return
+    if not verdict.findings:
+        (run.path / VERDICT).unlink(missing_ok=True)  # of a smaller budget
+        say(f"no verdict: {verdict.line}")
+        return
     write_json(run.path / VERDICT, {"step": run.step, **verdict.described()})
     if not quiet:
         say(f"verdict: {verdict.line}")

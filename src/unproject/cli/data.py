@@ -68,9 +68,7 @@ def run(
     if for_ is None and not json:
         _say_what_for(found, recipe)
     if recipe == "shapes" and size is None and not json:
-        if any(collection.latents for collection in found.collections.values()):
-            print("  views are known: --views known trains with them")
-        _say_size(path)
+        _say_how_to_train(path, found)
     if out is not None:
         from ._sheets import write_sheet
 
@@ -90,6 +88,16 @@ def _say_what_for(found: Inspection, recipe: str) -> None:
         print("  read as materials, for wood, metal, plastic or fabric; --for shapes reads silhouettes")
     elif sum("photograph" in row[2] for row in found.rows) > len(found.rows) / 2:
         print("  read as silhouettes of objects; --for wood, metal, plastic or fabric reads photographs of surfaces")
+
+
+def _say_how_to_train(path: Path, found: Inspection) -> None:
+    """Say which recipe learns from it, with which views and at which size."""
+    if "lines" in found.collections:
+        print("  line integrals: the recipe digits learns images from them; see --for digits")
+        return
+    if any("azimuth" in (collection.latents or {}) for collection in found.collections.values()):
+        print("  azimuths are known: --views known trains with them")
+    _say_size(path)
 
 
 def _say_size(path: Path) -> None:

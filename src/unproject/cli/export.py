@@ -23,7 +23,7 @@ def run(
     /,
     *,
     out: Path,
-    to: str = "glb",
+    to: str | None = None,
     n: int | None = None,
     seed: int = 0,
     faces: int | None = None,
@@ -43,7 +43,8 @@ def run(
         out: The file (with the format's suffix) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
             turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
-            planes); of a domain of your own what it exports.
+            planes); of a domain of your own what it exports (default: glb of shapes, maps of materials, png of
+            images, else npz).
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
         faces: The most triangles a mesh may have (glb, obj, ply).
@@ -60,9 +61,11 @@ def run(
     """
     import torch
 
+    from ..training.fitted_pictures import FORMATS
     from ..training.run_directory import naming
 
     found = _found(source, to, n, seed, trust, size, coloured_specular)
+    to = to or FORMATS.get(found.domain.name, "npz")
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options and fresnel is not None:
         options["fresnel"] = fresnel
@@ -85,7 +88,7 @@ class Found(NamedTuple):
 
 
 def _found(
-    source: Path, to: str, n: int | None, seed: int, trust: bool, size: int | None, coloured: bool = False
+    source: Path, to: str | None, n: int | None, seed: int, trust: bool, size: int | None, coloured: bool = False
 ) -> Found:
     """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
     from .. import export
@@ -94,7 +97,7 @@ def _found(
     from ..training import load
 
     arrays_given = source.suffix.lower() == ".npz"
-    textures = to in export.MATERIAL_FORMATS and not arrays_given
+    textures = (to is None or to in export.MATERIAL_FORMATS) and not arrays_given and source.is_dir()
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)

@@ -35,11 +35,20 @@ def _listed() -> str:
 def _shown(name: str) -> str:
     function = find_recipe(name)
     parameters = inspect.signature(function).parameters.values()
-    lines = [f"{name}({', '.join(map(_plain, parameters))})", "", inspect.getdoc(function) or "(no docstring)"]
-    return "\n".join([*lines, "", f"`unproject train {name} --help` lists its flags."])
+    flags = [_flag(p) for p in parameters if p.kind is not p.VAR_KEYWORD]
+    lines = [inspect.getdoc(function) or "(no docstring)", "", "flags:", *flags]
+    return "\n".join([name, "", *lines, "", f"`unproject train {name} --help` says what they do."])
 
 
-def _plain(p: inspect.Parameter) -> str:
-    """`size: int = 32`, the annotation as it is written."""
-    kind = "" if p.annotation is p.empty else f": {getattr(p.annotation, '__name__', p.annotation)}"
-    return f"{p.name}{kind}" + ("" if p.default is p.empty else f" = {p.default!r}")
+def _flag(p: inspect.Parameter) -> str:
+    """`  --size 32`, as on the command line; a switch that is on can be turned off."""
+    flag = p.name.replace("_", "-")
+    if isinstance(p.default, bool):
+        return f"  --no-{flag}" if p.default else f"  --{flag}"
+    kind = "" if p.annotation is p.empty else f" {getattr(p.annotation, '__name__', p.annotation)}"
+    default = "" if p.default in (p.empty, None) else f" (default: {_words(p.default)})"
+    return f"  --{flag}{kind}{default}"
+
+
+def _words(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, (tuple, list)) else str(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .._types import UserError
 from ._machine import use_threads
 
 
@@ -31,5 +32,7 @@ def run(
     from ..report import write_report
 
     use_threads(threads)
+    if out is not None and out.suffix.lower() not in ("", ".html", ".htm"):
+        raise UserError(f"--out {out}: a report is a page; give a name that ends in .html")
     written = write_report(path, out, data=data, trust=trust)
     print(f"{written}: {written.stat().st_size / 1e6:.1f} MB; open it in a browser")

@@ -34,6 +34,7 @@ def run(
     if (out is None) == (push is None):
         raise UserError("share: give either --out FOLDER or --push OWNER/NAME")
     if out is not None:
-        say(f"{save_pretrained(path, out, trust)}: shared; open it with unproject.from_pretrained, or any verb")
+        shared = save_pretrained(path, out, trust)
+        say(f"{shared}: shared; open it with unproject.from_pretrained, sample, export or studio")
     if push is not None:
         say(f"{push_to_hub(path, push, private=not public, trust=trust)}: shared")

@@ -30,7 +30,8 @@ def split_rows(names: Sequence[str], share: float, seed: int, source: str) -> tu
     count = int(group.max()) + 1
     if count < 2:
         raise UserError(
-            f"{source}: shows a single shape, of which nothing can be held out; give more, or hold out none"
+            f"{source}: shows a single shape, of which nothing can be held out; give more, or hold out none "
+            "(--no-augment)"
         )
     wanted = min(max(round(share * count), min(LEAST, count // 4), 1), count - 1)
     chosen = torch.randperm(count, generator=generator_at(seed, 0, "held out"))[:wanted]

@@ -56,7 +56,7 @@ def mesh(
     if len(triangles) == 0:
         raise UserError(
             f"{name} is empty: its highest occupancy is {v.max():.2f} and the surface lies at {level}; "
-            "train longer, sample another seed or lower the level"
+            "train longer, or sample another seed"
         )
     surface = _decimated(trimesh.Trimesh(vertices, triangles, process=False), faces)
     surface.visual = TextureVisuals(material=_clay())

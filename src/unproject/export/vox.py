@@ -45,7 +45,7 @@ def encode_vox(occupied: np.ndarray, name: str = "the shape") -> bytes:
     if max(occupied.shape) > _LARGEST:
         raise UserError(f"{name} has {max(occupied.shape)} voxels along an axis and a .vox at most {_LARGEST}: use glb")
     if not occupied.any():
-        raise UserError(f"{name} is empty: train longer, sample another seed or lower the level")
+        raise UserError(f"{name} is empty: train longer, or sample another seed")
     x_right_z_up = occupied[:, :, ::-1].transpose(0, 2, 1)
     voxels = np.argwhere(x_right_z_up)
     coloured = np.concatenate([voxels, np.ones((len(voxels), 1), int)], axis=1).astype(np.uint8)

@@ -21,19 +21,19 @@ TAGS = {"volume": "image-to-3d", "image": "unconditional-image-generation", "map
 MAKES = {"volume": "3-D shapes", "image": "images", "maps": "surface materials"}
 
 
-def card_of(run: Run, folder: Path) -> str:
+def card_of(run: Run, folder: Path, title: str) -> str:
     """Return the card of a run whose recipe.json, environment.json and verdict.json lie in a folder."""
     recipe, environment, verdict = (_read(folder / name) for name in ("recipe.json", "environment.json", VERDICT))
     makes = MAKES.get(run.domain.name, f"samples ({run.domain.name})")
     parts = [
         _front(run),
-        f"# {folder.resolve().name}",
+        f"# {title}",
         f"A generator of {makes}, learned from unpaired projections by unproject, "
         f"recipe `{recipe.get('recipe') or 'of its own'}`, {run.step:,} steps.",
         _picture(folder),
         "## Use",
         f'```python\nimport unproject as up\n\nrun = up.from_pretrained("OWNER/NAME")  # or a folder\n'
-        f"x = run.sample(8, seed=1)  # {tuple(run.sample(1).shape[1:])} each\nup.load(run.path)\n```",
+        f"x = run.sample(8, seed=1)  # {tuple(run.sample(1).shape[1:])} each\n```",
         "## Scores",
         _scores(verdict),
         "## Where it comes from",

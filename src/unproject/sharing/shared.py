@@ -81,11 +81,11 @@ def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str],
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder}: is not empty; give another --out")
     with filled_folder(folder) as staging:
-        _fill(staging, opened)
+        _fill(staging, opened, folder.resolve().name)
     return folder
 
 
-def _fill(folder: Path, opened: Run) -> None:
+def _fill(folder: Path, opened: Run, title: str) -> None:
     file = checkpoints.checkpoint_of(opened.path / "checkpoints", opened.step)
     if not file.is_file():
         raise UserError(f"{opened.path}: its training has gone on and removed step {opened.step}; load the run again")
@@ -100,7 +100,7 @@ def _fill(folder: Path, opened: Run) -> None:
     _copy_preview(opened, folder)
     _copy_log(opened, folder / LOG)
     with atomic_path(folder / CARD) as temporary:
-        temporary.write_text(card_of(opened, folder), encoding="utf-8")
+        temporary.write_text(card_of(opened, folder, title), encoding="utf-8")
 
 
 def _copy_preview(opened: Run, folder: Path) -> None:

@@ -86,7 +86,13 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
         return read(paths[0], size, pictures="images")
-    found = read_silhouettes(paths, 2 * size) if listed else read(paths[0], 2 * size if paths[0].is_dir() else None)
+    if listed:
+        found = read_silhouettes(paths, 2 * size)
+    else:  # pictures of an .npz that are not framed anew are brought to the size of training
+        unframed = size if isinstance(viewing.projection, Silhouette) else None
+        found = read(paths[0], 2 * size if paths[0].is_dir() else unframed)
+    if len(found.shape) != 3:
+        raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
     return mapped(found, viewing.projection.prepare)
 
 

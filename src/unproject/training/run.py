@@ -180,13 +180,19 @@ class Run:
             trust: import the recipe's code although it is not of this package.
 
         Raises:
-            UserError: if the recipe cannot be made, or does not say how the pictures come about.
+            UserError: if the recipe cannot be made, does not say how the pictures come about, or the candidates take
+                more memory than there is.
         """
         if viewing is None:
             states = self.assignments(recipe or self.recipe(trust))
             viewing = viewing_of(state_of(states, observation), observation)
+        search = search or Search()
         generator = copy.deepcopy(self.generator).cpu()  # what is compared for one picture is small
-        return Fitter(generator, viewing, search or Search(), seed, self.domain.repeated)
+        x = generator.sample(1)
+        each = x.numel() + 3 * len(viewing.priors) * x.shape[-1] ** 2  # with its projections, of three channels at most
+        need = 8 * search.candidates * each  # twice, while they are put together
+        require_memory(need, f"{search.candidates} candidates take", "lower candidates")
+        return Fitter(generator, viewing, search, seed, self.domain.repeated)
 
     def assignments(self, recipe: Recipe) -> list[AssignmentState]:
         """Return the assignment of each panel as the newest checkpoint has it.

@@ -226,6 +226,8 @@ class State:
 
     def load(self, tensors: dict[str, Tensor]) -> None:
         """Take over stored tensors. Raises UserError if they are not those of this recipe."""
+        if "counters/step" not in tensors:
+            raise UserError("the checkpoint has weights alone, as of a shared run; begin a new run with train --from")
         try:
             self._load(tensors)
         except KeyError as error:

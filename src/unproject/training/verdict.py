@@ -18,7 +18,7 @@ from .._random import generator_at
 from ..assignment import AssignmentState, Panel
 from ..data.splitting import RENDERED
 from ..domains import Domain
-from ..domains.evidence import Evidence
+from ..domains.evidence import ENOUGH, Evidence
 from ..metrics import WORDS, Finding, Score, Word, worst
 from ..networks import Generator
 
@@ -52,7 +52,7 @@ class Verdict:
     def line(self) -> str:
         """The verdict in one line: all that is good, or what is worst and what to do next."""
         if not self.findings:
-            return "nothing was judged"
+            return f"nothing was judged: that takes {ENOUGH} pictures of a kind and others to compare them with"
         if self.word == "good":
             return "good: " + ", ".join(finding.says for finding in self.findings)
         bad = [finding for finding in self.findings if finding.word == self.word]
@@ -85,8 +85,11 @@ def judge(generator: Generator, domain: Domain, assignments: Sequence[Assignment
     x = generator.sample(SAMPLES, seed)
     findings = []
     for state in assignments:
-        name = f"_{state.panel.observations[0].name}" if len(assignments) > 1 else ""
-        findings += [replace(f, name=f.name + name) for f in panel_findings(domain, state, x, seed)]
+        found = panel_findings(domain, state, x, seed)
+        if len(assignments) > 1:
+            of = state.panel.observations[0].name
+            found = [replace(f, name=f"{f.name}_{of}", says=f"{of}: {f.says}") for f in found]
+        findings += found
     return Verdict((*findings, *domain.findings(x, seed)))
 
 

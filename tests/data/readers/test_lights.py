@@ -94,3 +94,9 @@ def test_what_photographs_show_and_what_to_add() -> None:
 def test_every_kind_is_said_once() -> None:
     assert len(set(OBSERVATIONS)) == len(OBSERVATIONS) and {*FIRST} < {*KINDS} < {*OBSERVATIONS}
     assert all(name in ELSE for name in KINDS if name != "daylight")
+
+
+@pytest.mark.parametrize(("name", "meant"), [("cloudy", "ambient"), ("Sunny", "daylight"), ("flsh", "flash")])
+def test_names_that_people_give_to_a_light_are_understood(tmp_path: Path, name: str, meant: str) -> None:
+    put(tmp_path / name / "a.jpg")
+    assert f"Perhaps you meant '{meant}'" in unsorted(tmp_path)[tmp_path / name / "a.jpg"]

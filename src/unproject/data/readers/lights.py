@@ -13,15 +13,12 @@ from ..._files import paths_below
 from ..._objects import nearest
 from ..._types import UserError
 from ...ops.maps import MAPS
+from .pictures import SAVE, UNREAD, is_hidden
 from .pictures import SUFFIXES as PICTURES
-from .pictures import is_hidden
 from .texture_names import candidates
 
 FLOATING = (".exr", ".hdr")
 SUFFIXES = (*PICTURES, *FLOATING)
-UNREAD = (".heic", ".heif", ".avif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
-"""Of telephones and cameras, which no reader takes."""
-SAVE = "save it as .jpg, .png or .tif"
 ELSE = (
     "flash, coloured, overhead, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural "
     "light that you give by --probes)"
@@ -83,8 +80,22 @@ def unsorted(path: Path) -> dict[Path, str]:
         elif not below:
             found[file] = f"lies in no sub-folder that says its light; move it into one, such as {path / 'daylight'}"
         elif first not in OBSERVATIONS:
-            found[file] = f"{path / first}: names neither a map nor a light{nearest(first, OBSERVATIONS)}"
+            found[file] = f"{path / first}: names neither a map nor a light{_meant(first)}"
     return found
+
+
+ALSO = {
+    "ambient": ("cloudy", "overcast", "shade", "shadow", "indirect", "diffused", "tent"),
+    "daylight": ("sun", "sunny", "outdoor", "outdoors", "day", "indoor", "indoors", "room", "window", "phone"),
+    "flash": ("camera_flash", "flashlight", "strobe"),
+}  # fmt: skip
+"""Names that people give to a light, which may be nearer to the spelling of another one."""
+
+
+def _meant(name: str) -> str:
+    """Return which observation a sub-folder may be meant for."""
+    known = [observation for observation, others in ALSO.items() if name.lower() in others]
+    return f". Perhaps you meant {known[0]!r}" if known else nearest(name, OBSERVATIONS)
 
 
 def refuse_unsorted(path: Path) -> None:

@@ -24,6 +24,12 @@ from .views import views_beside
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 SIZE = 64
+UNREAD = (
+    ".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif", ".svg", ".psd", ".xcf",
+    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2",
+)  # fmt: skip
+"""Of telephones, cameras, browsers and editors, which no reader takes."""
+SAVE = "save it as .jpg, .png or .tif"
 
 
 def read_pictures(path: Path, how: How) -> Found:
@@ -39,7 +45,13 @@ def read_pictures(path: Path, how: How) -> Found:
 
 def survey_pictures(path: Path, how: How) -> Survey:
     """Read every picture of a folder: as it is, or as a silhouette."""
-    return survey(path, picture_files(path), reading(how), how.strict)
+    found = survey(path, picture_files(path), reading(how), how.strict)
+    for file in (file for file in paths_below(path) if file.suffix.lower() in UNREAD and not is_hidden(file, path)):
+        reason = f"{file.suffix} is not read; {SAVE}"
+        if how.strict:
+            raise UserError(f"{file}: {reason}")
+        found.skipped[file.relative_to(path).as_posix()] = reason
+    return found
 
 
 def reading(how: How) -> Read:
