@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import docstring_parser
 import numpy as np
 import pytest
+from PIL import Image
 
 from unproject import export
 from unproject.cli import main
@@ -152,3 +153,17 @@ def test_a_file_named_like_another_format_is_refused(samples, tmp_path, capsys, 
     assert not (tmp_path / name).exists()
     (tmp_path / name).mkdir()
     assert main(words) == 0
+
+
+def test_the_format_is_the_domains_own_unless_it_is_said(tmp_path, capsys):
+    np.savez(tmp_path / "image.npz", image=np.random.rand(2, 1, 16, 16).astype(np.float32))
+    assert main(["export", str(tmp_path / "image.npz"), "--out", str(tmp_path / "a")]) == 0
+    assert [file.suffix for file in (tmp_path / "a").iterdir()] == [".png"]
+    for name, value in (("albedo", 90), ("roughness", 120)):
+        (tmp_path / "bark").mkdir(exist_ok=True)
+        Image.new("RGB", (32, 32), (value,) * 3).save(tmp_path / "bark" / f"bark_{name}.png")
+    assert main(["export", str(tmp_path / "bark"), "--out", str(tmp_path / "b")]) == 0
+    assert {file.suffix for file in (tmp_path / "b").rglob("*") if file.is_file()} >= {".png"}
+    (tmp_path / "empty").mkdir()
+    assert main(["export", str(tmp_path / "empty"), "--out", str(tmp_path / "c")]) == 2
+    assert "not a run directory" in capsys.readouterr().err

@@ -240,4 +240,4 @@ def test_inspect_says_that_views_are_known(known: bool, tmp_path: Path, capsys: 
         rows = [f"{path.name},{90 * k}" for k, path in enumerate(sorted(data.glob("*.png")))]
         (data / "views.csv").write_text("\n".join(["file,azimuth", *rows]))
     assert main(["data", "inspect", str(data)]) == 0
-    assert ("views are known: --views known" in capsys.readouterr().out) == known
+    assert ("azimuths are known: --views known" in capsys.readouterr().out) == known

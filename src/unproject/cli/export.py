@@ -92,12 +92,14 @@ def _found(
 ) -> Found:
     """Return the samples of a run, of an .npz that `unproject sample` wrote, or of folders of textures."""
     from .. import export
+    from ..data import holds_materials
     from ..data.readers.arrays import load_arrays
     from ..domains import BUILT_IN, domain_of_arrays
     from ..training import load
 
     arrays_given = source.suffix.lower() == ".npz"
-    textures = (to is None or to in export.MATERIAL_FORMATS) and not arrays_given and source.is_dir()
+    textures = to in export.MATERIAL_FORMATS or (to is None and holds_materials(source))
+    textures = textures and not arrays_given
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)

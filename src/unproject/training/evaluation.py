@@ -108,9 +108,10 @@ def estimated_view_scores(
 def estimated_and_true(domain: Domain, state: AssignmentState) -> tuple[Tensor, Tensor, Tensor] | None:
     """Return rows whose views were estimated, and estimated and known views of all (N,); None where these lack."""
     estimated, true, observations = state.estimates(), true_views(state.panel), state.panel.observations
-    mirrored = domain.half_turn(observations) or domain.bins(observations) % 2 == 0  # else bins mirror no bins
-    if estimated is None or true is None or not mirrored:
+    if estimated is None or true is None:
         return None
+    if domain.bins(observations) % 2 and not domain.half_turn(observations):
+        return None  # a reflection maps these bins to no bins
     return (estimated >= 0).nonzero()[:, 0], estimated, true  # of a large collection some are estimated
 
 

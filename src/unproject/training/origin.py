@@ -121,6 +121,12 @@ def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recip
             "run.evaluate(recipe=recipe); or let @unproject.resumable remember the function that builds it"
         )
     function = _trusted(origin, trust)
+    for name, value in origin.arguments.items():
+        place = _restored(value)
+        if isinstance(place, Path) and not place.exists():
+            raise UserError(
+                f"{place}: this run's {name} lie there no longer; put them back, or a link to where they are"
+            )
     changes = {name: value for name, value in changes.items() if value is not None}
     kept = {key: _restored(value) for key, value in origin.arguments.items()}
     if {"steps", "minutes"} & changes.keys():

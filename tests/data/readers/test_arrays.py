@@ -82,7 +82,7 @@ def test_latents_stand_beside_the_pictures(tmp_path):
         ({"sil": masks.astype(np.int64)}, "sil: is of type int64"),
         ({"sil": masks.astype(str)}, "sil: is of type <U5"),
         ({"sil": np.where(masks, np.nan, 0)}, "sil: has 144 values that are NaN"),
-        ({"sil": masks * 2.0}, r"values run from 0 to 2; scale them to \[0, 1\]"),
+        ({"sil": masks * 2.0}, r"values run from 0 to 2; scale pictures and volumes to \[0, 1\]"),
         ({"sil": masks - 0.5}, "values run from -0.5"),
         ({"sil": masks[0]}, r"sil: is of shape \(20, 20\)"),
         ({"sil": np.zeros((0, 8, 8))}, "is empty"),

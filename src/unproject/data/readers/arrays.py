@@ -147,7 +147,10 @@ def checked_values(values: np.ndarray, where: str, of_pictures: bool = True) -> 
         raise UserError(f"{where}: has {bad} values that are NaN or infinite; replace them")
     low, high = float(kept.min()), float(kept.max())
     if of_pictures and (low < 0 or high > 1):
-        raise UserError(f"{where}: values run from {low:g} to {high:g}; scale them to [0, 1]")
+        raise UserError(
+            f"{where}: values run from {low:g} to {high:g}; scale pictures and volumes to [0, 1]; line integrals of "
+            "any unit lie in an .npz, as `sinograms` (M, D, A) or `lines` (N, D)"
+        )
     return kept
 
 

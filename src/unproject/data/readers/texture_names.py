@@ -148,6 +148,7 @@ def _says(file: Path, words: tuple[str, ...]) -> bool:
 def _only(folder: Path, role: str, files: list[Path]) -> Path:
     if len(files) > 1:
         raise UserError(
-            f"{folder}: {files[0].name} and {files[1].name} could both be the {role} map; keep one in the folder"
+            f"{folder}: {files[0].name} and {files[1].name} could both be the {role} map; keep one, or give each set a "
+            "folder of its own"
         )
     return files[0]
