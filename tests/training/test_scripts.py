@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from toy import SIZE, toy
 import unproject as up
 from unproject._types import UserError
 from unproject.training import Recipe, load, resumable, resume, train
+from unproject.training.building import is_foreign
 from unproject.training.run_directory import read_recipe
 
 SCRIPT = """
@@ -78,3 +80,10 @@ def test_positional_arguments_and_paths_given_as_strings_are_remembered(monkeypa
     assert origin is not None
     assert origin.arguments == {"count": 3, "data": {"path": "/tmp/masks"}, "seed": 2}
     assert volumes(3, None, 7).origin is None  # what has no name cannot be given again
+
+
+@pytest.mark.parametrize("generator", [[], "x", None, {"call": 3}])
+def test_what_a_damaged_recipe_names_is_not_foreign(tmp_path: Path, generator: object) -> None:
+    content = {"recipe": "", "arguments": {}, "resolved": {"generator": generator, "domain": []}}
+    (tmp_path / "recipe.json").write_text(json.dumps(content))
+    assert is_foreign(tmp_path) == (generator == {"call": 3})

@@ -16,7 +16,7 @@ def is_foreign(path: Path) -> bool:
     """Whether loading the run imports code outside this package, which needs `trust`."""
     resolved = read_recipe(path)["resolved"]
     parts = [(resolved.get("generator"), "call"), (resolved.get("domain"), "type")]
-    return any(_outside(str(part.get(key))) for part, key in parts if part)
+    return any(_outside(str(part.get(key))) for part, key in parts if isinstance(part, Mapping))
 
 
 def _outside(name: str) -> bool:
