@@ -20,7 +20,6 @@ from unproject.inversion import Search, Viewing
 from unproject.metrics import Gauge, apply
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load
-from unproject.training.evaluation import true_views
 from unproject.training.fitted_pictures import Frame, given_view, known_views, observed, view_of
 from unproject.training.fitting import viewing_of
 
@@ -271,7 +270,6 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
 
 def test_candidates_that_do_not_fit_in_memory_are_refused(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 10**8)
-    load(shapes).fitter()
     with pytest.raises(
         UserError, match="100000 candidates take about 12.2 GB and 0.1 GB are available; lower candidates"
     ):
@@ -297,38 +295,6 @@ def test_known_views_are_told_in_the_frame_of_a_run_that_found_its_own(gauge: Ga
     known = known_views(found, viewing, {}, frame)
     assert known is not None
     torch.testing.assert_close(Silhouette(size=16)(x, azimuth=known["azimuth"]), seen, atol=1e-3, rtol=0)
-
-
-def test_the_frame_is_told_by_known_views_of_training(tmp_path: Path) -> None:
-    """Of a run whose views were all found, a quarter turn on; and of one that has none, or fixed them."""
-    words = [
-        "train",
-        "shapes",
-        "--size",
-        "16",
-        "--channels",
-        "8",
-        "--rank",
-        "4",
-        "--batch",
-        "8",
-        "--steps",
-        "1",
-        "--quiet",
-    ]
-    assert main([*words, "--views", "predicted", "--out", str(tmp_path / "found")]) == 0
-    assert main([*words, "--views", "known", "--out", str(tmp_path / "known")]) == 0
-    run = load(tmp_path / "known")
-    states = run.assignments(run.recipe())
-    assert Frame.of(run.domain, states, states[0]) == Frame()
-    run = load(tmp_path / "found")
-    (state,) = run.assignments(run.recipe())
-    true = true_views(state.panel)
-    assert true is not None
-    state.estimates = lambda: (true + 4) % 16
-    assert Frame.of(run.domain, [state], state) == Frame("azimuth", Gauge(4, False, 16))
-    state.estimates = lambda: torch.zeros_like(true)
-    assert Frame.of(run.domain, [state], state) == Frame("azimuth")
 
 
 def test_an_npz_is_fitted_at_another_size_and_lines_are_refused(

@@ -15,10 +15,12 @@ from unproject._types import UserError
 from unproject.assignment import AssignmentState, Panel
 from unproject.data import Collection, chairs, observe
 from unproject.domains import Images, Volumes
+from unproject.metrics import Gauge
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load, train
 from unproject.training.distribution import Distribution
 from unproject.training.evaluation import supervised_ceiling, true_views
+from unproject.training.fitted_pictures import Frame
 from unproject.training.fitting import of_different_kinds
 
 RECIPE = toy(steps=4)
@@ -201,3 +203,16 @@ def test_an_odd_number_of_views_is_scored_without_views(tmp_path: Path) -> None:
     assert not {"view_exact", "view_within_one"} & run.evaluate(n=8, recipe=recipe).keys()
     scores = run.evaluate(chairs(8, SIZE), n=8, recipe=recipe)
     assert "mmd_iou" in scores and "of 20" in scores["mmd_iou"].protocol
+
+
+def test_the_frame_of_a_run_is_told_by_known_views_of_training(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one whose views were all found, a quarter turn on; of one that found none; and of one that was given them."""
+    (state,) = run.assignments(RECIPE)
+    true = true_views(state.panel)
+    assert true is not None
+    monkeypatch.setattr(state, "estimates", lambda: (true + 1) % BINS)
+    assert Frame.of(run.domain, [state], state) == Frame("azimuth", Gauge(1, False, BINS))
+    monkeypatch.setattr(state, "estimates", lambda: torch.zeros_like(true))
+    assert Frame.of(run.domain, [state], state) == Frame("azimuth")
+    monkeypatch.setattr(state, "fixes_gauge", True)
+    assert Frame.of(run.domain, [state], state) == Frame()
