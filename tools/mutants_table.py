@@ -3670,6 +3670,13 @@ INVERSION = (
         "inversion/test_novelty.py::test_either_number_is_enough",
     ),
     mutant(
+        "textures: sets that lie side by side are one",
+        "data/readers/texture_names.py",
+        "if len(whole) < 2:",
+        "if True:",
+        "data/readers/test_textures.py::test_sets_that_lie_side_by_side_are_materials_each",
+    ),
+    mutant(
         "novelty: grey pictures are warped as masks are",
         "inversion/novelty.py",
         "(bent > 0.5).to(bent) if masks else bent",

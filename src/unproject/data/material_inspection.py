@@ -17,7 +17,7 @@ from .readers.shapes import SUFFIXES as SHAPES
 from .readers.sides import size_of_picture
 from .readers.stored import StoredArrays
 from .readers.texture_maps import Convention
-from .readers.texture_names import find_textures, picture_names
+from .readers.texture_names import find_textures, picture_names, sets_in
 
 PATCHES = 64
 FEWER_ABOVE = 512
@@ -108,7 +108,9 @@ def _holds_maps(path: Path) -> bool:
 
 
 def _is_texture_set(folder: Path) -> bool:
-    """Whether there is one picture for each map, a colour and a roughness map among them."""
+    """Whether there is one picture for each map, a colour and a roughness map among them, or several such sets."""
+    if sets_in(folder):
+        return True
     if not 2 <= len(picture_names(folder)) <= MOST_MAPS:
         return False
     try:

@@ -13,9 +13,9 @@ from torch import Tensor
 
 from unproject._pictures import write_picture
 from unproject._types import UserError
-from unproject.data import Collection, read_material, wood
+from unproject.data import Collection, holds_materials, read_material, wood
 from unproject.data.readers.texture_maps import normals_from_height
-from unproject.data.readers.texture_names import role_of, words_of
+from unproject.data.readers.texture_names import role_of, sets_in, words_of
 from unproject.domains import Maps
 from unproject.ops.exposure import linear_from_srgb
 from unproject.ops.maps import luminance, unpack_maps
@@ -484,3 +484,38 @@ def test_a_measured_wood_and_a_metal() -> None:
     wood, metal = read_material(MEASURED / "wood" / "Wood027", 16), read_material(MEASURED / "metal" / "Metal032", 16)
     assert wood[3].max() < 0.0401 < 0.2 < metal[3].min(), "wood is no metal"
     assert wood[0].mean() > wood[2].mean() and metal[:3].max() < 0.05
+
+
+def side_by_side(folder: Path, pattern: str, names: tuple[str, ...]) -> None:
+    for k, name in enumerate(names):
+        for word, value in (("diff", (60 + 60 * k,) * 3), ("rough", GREY), ("nor_gl", FLAT), ("ao", 250)):
+            paint(folder / f"{pattern.format(name, word)}.png", value)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names", "called"),
+    [
+        ("{}_{}_1k", ("moss", "stone"), ("moss", "stone")),
+        ("painted_metal_{}-{}", ("a", "b"), ("painted_metal_a", "painted_metal_b")),
+        ("{1}{0}", ("1", "2"), ("1", "2")),
+        ("wall_{1}_{0}", ("1k", "2k"), ("wall_1_k", "wall_2_k")),
+    ],
+)
+def test_sets_that_lie_side_by_side_are_materials_each(
+    tmp_path: Path, pattern: str, names: tuple[str, ...], called: tuple[str, ...]
+) -> None:
+    side_by_side(tmp_path / "many", pattern, names)
+    paint(tmp_path / "many" / "all_preview.png", GREY)
+    found = Collection.materials(tmp_path / "many")
+    assert tuple(sorted(found.names)) == called
+    dark, light = (unpack_maps(found.floats())["diffuse"][found.names.index(name)].mean() for name in called)
+    assert dark < light
+    assert holds_materials(tmp_path)
+    inner = Collection.materials(tmp_path)
+    assert tuple(sorted(inner.names)) == tuple(f"many/{name}" for name in called)
+
+
+def test_maps_of_one_material_in_two_resolutions_stay_one(tmp_path: Path) -> None:
+    for name, value in (("wood_diff_2k", (GREY,) * 3), ("wood_rough_1k", GREY)):
+        paint(tmp_path / f"{name}.png", value)
+    assert sets_in(tmp_path) == {} and len(Collection.materials(tmp_path)) == 1

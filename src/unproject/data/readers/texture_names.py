@@ -9,8 +9,10 @@ only after the words that all pictures of the folder begin with, which are its n
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
+from os.path import commonprefix
 from pathlib import Path
 
 from ..._types import UserError
@@ -36,6 +38,7 @@ ROUGH = ("roughness", "packed", "glossiness", *(f"{role}_glossiness" for role in
 WEAK = ("metal", "rough", "gloss", "refl")
 UP = ("gl", "opengl", "ogl", "normalgl")  # green up the picture
 DOWN = ("dx", "directx", "normaldx")  # green down
+MAP_WORDS = {*ROLE_OF, *UP, *DOWN}
 LOOKED_FOR = "; ".join(f"{role}: {', '.join(words)}" for role, words in WORDS.items() if role != "unused")
 
 
@@ -72,9 +75,31 @@ def holds_material(folder: Path) -> bool:
     return len(candidates(folder).keys() - {"unused"}) > 1
 
 
-def candidates(folder: Path) -> dict[str, list[Path]]:
-    """Role → the files that are named as it."""
-    files = picture_names(folder)
+def sets_in(folder: Path) -> dict[str, list[Path]]:
+    """Return the texture sets that lie side by side in a folder, name → files: nothing unless there are several.
+
+    Files are of one set if their names have the same words but for those that name a map; a set has a colour and a
+    roughness map. `stone_diff_1k.png`, `stone_rough_1k.png`, `moss_diff_1k.png` and `moss_rough_1k.png` are two.
+    """
+    groups: dict[tuple[str, ...], list[Path]] = {}
+    for file in picture_names(folder):
+        words = tuple(word for word in words_of(file.stem) if word not in MAP_WORDS)
+        groups.setdefault(words, []).append(file)
+    whole = {words: files for words, files in groups.items() if _is_whole(candidates(folder, files))}
+    if len(whole) < 2:
+        return {}
+    short = {words: commonprefix([file.stem for file in files]).rstrip("_-. ") for words, files in whole.items()}
+    unlike = "" not in short.values() and len(set(short.values())) == len(short)
+    return {short[words] if unlike else "_".join(words): files for words, files in whole.items()}
+
+
+def _is_whole(found: Mapping[str, list[Path]]) -> bool:
+    return "colour" in found and bool(set(found) & set(ROUGH))
+
+
+def candidates(folder: Path, files: Sequence[Path] | None = None) -> dict[str, list[Path]]:
+    """Role → the files that are named as it, of these or of all in a folder."""
+    files = picture_names(folder) if files is None else files
     words = [words_of(file.stem) for file in files]
     shared = _shared_beginning(words) if len(files) > 1 else 0
     found: dict[str, list[Path]] = {}
@@ -100,8 +125,10 @@ def role_of(words: list[str], shared: int = 0) -> str | None:
     return named[-1] if named else None
 
 
-def find_textures(folder: Path, normal: str = "auto") -> Textures:
-    """The files of a material's maps. `normal` "gl" or "dx" overrules what the normal map's name says.
+def find_textures(folder: Path, normal: str = "auto", of: Sequence[Path] | None = None) -> Textures:
+    """The files of a material's maps, of all in a folder or `of` some.
+
+    `normal` "gl" or "dx" overrules what the normal map's name says.
 
     A map of its own goes before the same one in a packed picture, a normal map before a height map, and roughness
     before glossiness.
@@ -111,7 +138,7 @@ def find_textures(folder: Path, normal: str = "auto") -> Textures:
     """
     if not folder.is_dir():
         raise UserError(f"{folder}: there is no such folder; check the path")
-    found = candidates(folder)
+    found = candidates(folder, of)
     if not set(found) & {"colour", *ROUGH}:
         raise UserError(f"{folder}: holds no texture maps; name pictures by one of these words: {LOOKED_FOR}")
     if "colour" not in found:

@@ -17,10 +17,10 @@ normal map, n comes from the height map if there is one, else the surface is fla
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 import torch
@@ -35,7 +35,7 @@ from .exported import exported_maps, exported_note
 from .found import Found, check_size
 from .framing import centred_square
 from .texture_maps import DIELECTRIC, Convention, check_same_size, maps_of, pictures_of
-from .texture_names import find_textures, holds_material, picture_names
+from .texture_names import find_textures, holds_material, picture_names, sets_in
 
 
 def read_material(
@@ -70,12 +70,12 @@ def read_material(
     return _material(folder, size, Convention(roughness, normal, colour, specular))
 
 
-def _material(folder: Path, size: int | None, convention: Convention) -> Tensor:
+def _material(folder: Path, size: int | None, convention: Convention, files: Sequence[Path] | None = None) -> Tensor:
     note = exported_note(folder)
     if note is not None:
         maps = exported_maps(folder, note, convention.specular == "colour")
     else:
-        textures = find_textures(folder, convention.normal)
+        textures = find_textures(folder, convention.normal, files)
         maps = maps_of(textures, check_same_size(folder, pictures_of(textures)), convention)
     return check_maps(_resized(pack_maps(maps), size), str(folder))[0]
 
@@ -88,9 +88,9 @@ def find_materials(
 ) -> Found:
     """Read materials (N, 8 or 10, size, size), or as stored, with their names, and which were skipped and why.
 
-    A folder is a material, or holds folders of materials at any depth. An .npz holds `diffuse`, `specular`,
-    `roughness` and `normal`, (N, C, H, W) or (C, H, W), floats as `unproject sample` writes them: taken as they are,
-    with one or three specular channels.
+    A folder is a material, holds several side by side (`sets_in`), or folders of materials at any depth. An .npz
+    holds `diffuse`, `specular`, `roughness` and `normal`, (N, C, H, W) or (C, H, W), floats as `unproject sample`
+    writes them: taken as they are, with one or three specular channels.
 
     Raises:
         UserError: if there is no material, none that can be used, or with `strict` one that cannot.
@@ -102,9 +102,9 @@ def find_materials(
     folders = _material_folders(path)
     found: dict[str, Tensor] = {}
     skipped: dict[str, str] = {}
-    for name, folder in folders.items():
+    for name, (folder, files) in folders.items():
         try:
-            found[name] = _material(folder, size, meant)
+            found[name] = _material(folder, size, meant, files)
         except UserError as error:
             if strict or len(folders) == 1:
                 raise
@@ -124,16 +124,27 @@ def _stacked(path: Path, materials: Mapping[str, Tensor]) -> Tensor:
     return torch.stack([*materials.values()])
 
 
-def _material_folders(path: Path) -> dict[str, Path]:
-    """Name → folder: the folder itself if it is a material, else each below it that is or is meant to be one."""
+Place: TypeAlias = tuple[Path, "list[Path] | None"]
+"""Where a material lies: a folder, and which of its files are its own, None for all."""
+
+
+def _material_folders(path: Path) -> dict[str, Place]:
+    """Name → place: the folder itself if it is a material, else each below it that is or is meant to be one."""
     if not path.is_dir():
         raise UserError(f"{path}: there is no such folder; name a folder of texture maps, or an .npz of maps")
+    if side_by_side := sets_in(path):
+        return {name: (path, files) for name, files in side_by_side.items()}
     if holds_material(path):
-        return {path.name: path}
-    below = [folder for folder in paths_below(path) if folder.is_dir()]
-    named = {folder.relative_to(path).as_posix(): folder for folder in below if _is_material(folder)}
-    named = {name: f for name, f in named.items() if not any(p.startswith((".", "__")) for p in Path(name).parts)}
-    return named or {path.name: path}
+        return {path.name: (path, None)}
+    below = [folder for folder in paths_below(path) if folder.is_dir() and _is_material(folder)]
+    named: dict[str, Place] = {}
+    for folder in below:
+        name = folder.relative_to(path).as_posix()
+        if any(part.startswith((".", "__")) for part in Path(name).parts):
+            continue
+        several = sets_in(folder)
+        named |= {f"{name}/{one}": (folder, files) for one, files in several.items()} or {name: (folder, None)}
+    return named or {path.name: (path, None)}
 
 
 def _is_material(folder: Path) -> bool:
