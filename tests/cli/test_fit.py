@@ -297,11 +297,12 @@ def test_known_views_are_told_in_the_frame_of_a_run_that_found_its_own(gauge: Ga
     torch.testing.assert_close(Silhouette(size=16)(x, azimuth=known["azimuth"]), seen, atol=1e-3, rtol=0)
 
 
-def test_an_npz_is_fitted_at_another_size_and_lines_are_refused(
-    shapes: Path, masks: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_npz_of_another_size_is_taken_and_lines_are_refused(shapes: Path, masks: Path, tmp_path: Path) -> None:
     assert main(["data", "pack", str(masks), "--out", str(tmp_path / "p.npz")]) == 0
-    assert fit(shapes, tmp_path / "p.npz", "--no-novelty", "--out", tmp_path / "a") == 0
+    run = load(shapes)
+    (state,) = run.assignments(run.recipe())
+    found = observed(run, [tmp_path / "p.npz"], viewing_of(state))
+    assert found.shape == (1, 16, 16) and 0.05 < found.floats().mean() < 0.6
     np.savez(tmp_path / "lines.npz", sinograms=np.ones((2, 16, 4), np.float32))
-    assert fit(shapes, tmp_path / "lines.npz", "--out", tmp_path / "b") == 2
-    assert "lines.npz: holds no pictures, and this run learned from silhouettes" in capsys.readouterr().err
+    with pytest.raises(UserError, match=r"lines.npz: holds no pictures, and this run learned from silhouettes"):
+        observed(run, [tmp_path / "lines.npz"], viewing_of(state))
