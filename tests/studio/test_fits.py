@@ -7,7 +7,7 @@ import json
 import threading
 import time
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,14 @@ from unproject.studio.server import respond
 from unproject.studio.state import JOBS, State
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_chairs() -> Iterator[None]:
+    """Every fit makes the run's data again."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 150)
+        yield
 
 
 @pytest.fixture(scope="module")
