@@ -32,6 +32,7 @@ from unproject.projections.observation import Observation
 from unproject.report import write_report, writing
 from unproject.report.contents import Contents
 from unproject.report.materials import material_data
+from unproject.report.sections import views_of
 from unproject.training import Recipe, Run, train
 
 SIDE = 16
@@ -341,3 +342,9 @@ def test_a_run_is_complete_once_what_is_not_logged_fits_into_its_budget() -> Non
         return Contents(Path(), {"resolved": {"minutes": 10}}, {}, lines, None, [], 20).complete
 
     assert left(570, 581) and left(605) and not left(530, 540) and not left(589) and not left()
+
+
+def test_views_whose_numbers_are_beyond_all_bounds_have_no_angles() -> None:
+    prior = {"name": "azimuth", "low": 10**400, "high": 10**400}
+    labels, unit = views_of([{"observations": [{"prior": prior}, {"prior": prior}]}], 0, 2)
+    assert len(labels) == 2 and "degrees" not in unit

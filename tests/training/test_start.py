@@ -21,7 +21,7 @@ from unproject.cli import main
 from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
 from unproject.training import Recipe, Tries, checkpoint, resume, train
-from unproject.training.start import start_from
+from unproject.training.start import differing_settings, start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
 
@@ -244,3 +244,10 @@ def test_checkpoints_from_before_the_count_are_read(old: Path) -> None:
     state = State(toy(steps=4, seed=5, starts=STARTS), CPU)
     state.load(tensors)
     assert state.counters.averaged == 0 and state.counters.step == 4
+
+
+@pytest.mark.parametrize("arguments", [0.5, None, [], "size"])
+def test_a_damaged_description_has_no_settings(arguments: object) -> None:
+    ours = {"call": "a:B", "arguments": {"size": 16}}
+    assert differing_settings({"call": "a:B", "arguments": arguments}, ours) == ""
+    assert "size=8" in differing_settings({"call": "a:B", "arguments": {"size": 8}}, ours)

@@ -122,7 +122,7 @@ def views_of(panels: object, panel: int, count: int) -> tuple[list[str], str]:
         degrees = [math.degrees((float(p["low"]) + float(p["high"])) / 2) for p in priors]
         if len(degrees) == count and all(map(math.isfinite, degrees)):
             return [f"{degree:.0f}°" for degree in degrees], f"{priors[0]['name']}, degrees"
-    except (TypeError, KeyError, IndexError, ValueError, AttributeError):
+    except (TypeError, KeyError, IndexError, ValueError, AttributeError, OverflowError):
         pass
     return [str(k) for k in range(count)], "view"
 

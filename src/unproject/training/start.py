@@ -75,7 +75,8 @@ def differing_settings(theirs: Any, ours: Any) -> str:
     if not isinstance(theirs, dict) or theirs.get("call") != ours.get("call"):
         there = theirs.get("call") if isinstance(theirs, dict) else "unknown"
         return f"its generator is {there}, and this recipe's {ours.get('call')}"
-    given = theirs.get("arguments", {})
+    given = theirs.get("arguments")
+    given = given if isinstance(given, dict) else {}
     ours_given = {k: v for k, v in ours.get("arguments", {}).items() if k not in OF_SAMPLES}
     names = [name for name, value in ours_given.items() if name in given and given[name] != value]
     if not names:
