@@ -61,11 +61,10 @@ def run(
     """
     import torch
 
-    from ..training.fitted_pictures import FORMATS
     from ..training.run_directory import naming
 
     found = _found(source, to, n, seed, trust, size, coloured_specular)
-    to = to or FORMATS.get(found.domain.name, "npz")
+    to = to or found.domain.written
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options and fresnel is not None:
         options["fresnel"] = fresnel

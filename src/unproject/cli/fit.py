@@ -100,9 +100,7 @@ def run(
 
 def format_of(domain: Domain, to: str | None) -> str:
     """Return the format of what is found: the one that is given, or the domain's."""
-    from ..training.fitted_pictures import FORMATS
-
-    to = to or FORMATS.get(domain.name, "npz")
+    to = to or domain.written
     if to not in domain.exporters:
         raise UserError(f"--to {to}: there is no such format; choose from {', '.join(domain.exporters)}")
     return to

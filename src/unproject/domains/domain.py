@@ -36,6 +36,7 @@ class Domain(ABC):
         name: of one sample, and the key of the samples in an .npz.
         previewed: how many samples a preview shows.
         scored: how many samples are scored (default of `unproject evaluate --n`).
+        written: the format that samples are written in unless another is named.
 
     Examples:
         >>> import torch, unproject as up
@@ -53,6 +54,7 @@ class Domain(ABC):
     name: ClassVar[str] = "sample"
     previewed: ClassVar[int] = 16
     scored: ClassVar[int] = 256
+    written: ClassVar[str] = "npz"
 
     @abstractmethod
     def preview(self, x: Tensor) -> Image.Image:

@@ -37,6 +37,7 @@ class Images(Domain):
     name: ClassVar[str] = "image"
     previewed: ClassVar[int] = 64
     scored: ClassVar[int] = 2000
+    written: ClassVar[str] = "png"
 
     def preview(self, x: Tensor) -> Image.Image:
         return export.silhouette_sheet(x, scale=2)

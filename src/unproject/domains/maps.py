@@ -50,6 +50,7 @@ class Maps(Domain):
     name: ClassVar[str] = "maps"
     previewed: ClassVar[int] = 10
     scored: ClassVar[int] = 500
+    written: ClassVar[str] = "maps"
     fresnel: Fresnel = "albedo"
 
     def preview(self, x: Tensor) -> Image.Image:

@@ -48,6 +48,7 @@ class Volumes(Domain):
     name: ClassVar[str] = "volume"
     previewed: ClassVar[int] = 6
     scored: ClassVar[int] = 256
+    written: ClassVar[str] = "glb"
     sized: bool = True
 
     def preview(self, x: Tensor) -> Image.Image:

@@ -15,7 +15,7 @@ from ..inversion import DOUBTFUL, Fit
 from ..report.contents import read_contents
 from ..report.pictures import picture_of
 from ..report.sections import views_of
-from ..training.fitted_pictures import FAR, FORMATS
+from ..training.fitted_pictures import FAR
 from ..training.run_directory import read_recipe
 from ..training.seen import as_seen
 from .answers import Answer, Missing, Request, of_json
@@ -125,7 +125,7 @@ def _result(one: Explanation, fit: Fit) -> dict[str, Any]:
         "unit": unit,
         "explanations": [thumbnail(run.domain, run.domain.largest_part(x[None])).uri for x in fit.x],
         "formats": formats,
-        "format": FORMATS.get(run.domain.name, "npz"),
+        "format": run.domain.written,
     }
 
 

@@ -28,8 +28,6 @@ from .run_directory import read_recipe
 if TYPE_CHECKING:
     from .run import Run
 
-FORMATS = {"volume": "glb", "image": "png", "maps": "maps"}
-"""What is written of each sample that was found, by the domain."""
 FAR = 0.6
 """The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
 

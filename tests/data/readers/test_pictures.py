@@ -15,7 +15,7 @@ from PIL import Image
 
 from unproject._pictures import read_displayed
 from unproject._types import UserError
-from unproject.data import Framing, read
+from unproject.data import Framing, How, pack, read
 from unproject.data.readers.sides import size_of_picture
 
 
@@ -204,5 +204,6 @@ def test_pictures_of_formats_that_are_not_read_are_skipped_by_name(tmp_path):
     found = read(tmp_path, pictures="images")
     reasons = dict(found.skipped)
     assert set(reasons) == {"b.HEIC", "c.gif"} and reasons["c.gif"] == ".gif is not read; save it as .jpg, .png or .tif"
+    assert dict(pack(tmp_path, tmp_path.with_suffix(".npz"), How(None, True)).skipped) == reasons
     with pytest.raises(UserError, match=r"b.HEIC: .HEIC is not read"):
         read(tmp_path, pictures="images", strict=True)

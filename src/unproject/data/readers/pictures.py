@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from ..._files import paths_below
-from ..._pictures import read_displayed
+from ..._pictures import UnusablePicture, read_displayed
 from ..._types import UserError
 from .found import Found, to_bytes
 from .framing import Framing, frame
@@ -45,21 +45,19 @@ def read_pictures(path: Path, how: How) -> Found:
 
 def survey_pictures(path: Path, how: How) -> Survey:
     """Read every picture of a folder: as it is, or as a silhouette."""
-    found = survey(path, picture_files(path), reading(how), how.strict)
-    for file in (file for file in paths_below(path) if file.suffix.lower() in UNREAD and not is_hidden(file, path)):
-        reason = f"{file.suffix} is not read; {SAVE}"
-        if how.strict:
-            raise UserError(f"{file}: {reason}")
-        found.skipped[file.relative_to(path).as_posix()] = reason
-    return found
+    return survey(path, picture_files(path, (*SUFFIXES, *UNREAD)), reading(how), how.strict)
 
 
 def reading(how: How) -> Read:
-    """Return what reads one file."""
-    if how.images:
-        return lambda file: _image(file, how)
+    """Return what reads one file; it says of those that no reader takes what to do."""
     size, framing = how.size or SIZE, how.framing or Framing()
-    return lambda file: _silhouette(file, size, framing)
+
+    def read(file: Path) -> Item:
+        if file.suffix.lower() in UNREAD:
+            raise UnusablePicture(f"{file.suffix} is not read; {SAVE}")
+        return _image(file, how) if how.images else _silhouette(file, size, framing)
+
+    return read
 
 
 def _silhouette(file: Path, size: int, framing: Framing) -> Item:
@@ -117,18 +115,15 @@ def found_of(path: Path, skipped: Sequence[tuple[str, str]], names: Sequence[str
     return Found(torch.from_numpy(items), names, latents, tuple(skipped), str(path), white)
 
 
-def picture_files(path: Path) -> list[Path]:
+def picture_files(path: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
     """The pictures in a folder and its subfolders, sorted; hidden files are no pictures."""
     if not path.is_dir():
         raise UserError(f"{path}: there is no such folder; check the path")
-    files = [file for file in paths_below(path) if _is_picture(file.relative_to(path)) and file.is_file()]
+    below = (file for file in paths_below(path) if file.suffix.lower() in suffixes)
+    files = [file for file in below if not is_hidden(file, path) and file.is_file()]
     if not files:
         raise UserError(f"{path}: holds no picture; put {', '.join(s[1:] for s in SUFFIXES)} files there")
     return files
-
-
-def _is_picture(path: Path) -> bool:
-    return path.suffix.lower() in SUFFIXES and not is_hidden(path)
 
 
 def is_hidden(path: Path, folder: Path | None = None) -> bool:
