@@ -126,11 +126,13 @@ def path_of(folder: Path, form: str) -> Path:
     return folder / {"cropped": "cropped", "plain": "plain.npz", "known": "known.npz"}[form]
 
 
-def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: Path) -> dict[str, Any]:
+def run_arm(
+    name: str, form: str, seed: int, minutes: float, folder: Path, out: Path, device: str = "cpu"
+) -> dict[str, Any]:
     """Train and score one arm."""
     views = "known" if form == "known" else "predicted"
     recipe = up.recipes.find("shapes")(data=path_of(folder, form), views=views, seed=seed, minutes=minutes)
-    run, found = trained(recipe, out / "runs" / f"{name}-{form}-{seed}")
+    run, found = trained(recipe, out / "runs" / f"{name}-{form}-{seed}", device)
     found |= shapes_quality(run, folder, fixed=form == "known")
     if form != "known":
         found |= views_quality(run, recipe, folder, form)
@@ -140,14 +142,15 @@ def run_arm(name: str, form: str, seed: int, minutes: float, folder: Path, out: 
     return found
 
 
-def trained(recipe: up.Recipe, place: Path) -> tuple[up.Run, dict[str, Any]]:
+def trained(recipe: up.Recipe, place: Path, device: str = "cpu") -> tuple[up.Run, dict[str, Any]]:
     """Train, or go on with what is there; return the run, its steps and its minutes.
 
     Raises:
         SystemExit: if training was stopped: what it has so far is no result.
     """
     begun = (place / "recipe.json").exists()
-    run = finished(up.resume(place, quiet=True) if begun else up.train(recipe, place, quiet=True))
+    options: dict[str, Any] = {"quiet": True, "device": device}
+    run = finished(up.resume(place, **options) if begun else up.train(recipe, place, **options))
     return run, {"steps": run.step, "minutes": minutes_of(run)}
 
 
@@ -211,9 +214,11 @@ def main() -> None:
     parser.add_argument("--forms", nargs="+", choices=FORMS, default=FORMS)
     parser.add_argument("--seeds", nargs="+", type=int, default=(0, 1))
     parser.add_argument("--shapes", type=int, default=SHAPES, help="training shapes of a class, at most")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="cuda: minutes are those of the clock")
     given = parser.parse_args()
     torch.set_num_threads(1)
-    count_cpu_seconds()
+    if given.device == "cpu":
+        count_cpu_seconds()
     results = Results(given.out / "results.jsonl", ("class", "form", "seed"))
     for seed in given.seeds:
         for name in given.classes:
@@ -221,7 +226,7 @@ def main() -> None:
                 if results.has(name, form, seed):
                     continue
                 folder = prepare(name, given.data, given.out, given.shapes)
-                found = run_arm(name, form, seed, given.minutes, folder, given.out)
+                found = run_arm(name, form, seed, given.minutes, folder, given.out, given.device)
                 results.add({"class": name, "form": form, "seed": seed, **found})
     print(table(results.rows))
 

@@ -64,12 +64,13 @@ def step(look: Callable[..., Tensor], x: Tensor, samples: int, gradient: str = "
 
 def plain(*arguments: Any) -> Tensor:
     """The reference without its sparing of memory: every sample at once, everything kept for the gradient."""
-    kept = shading.CHUNK, shading.checkpoint
-    shading.CHUNK, shading.checkpoint = 2**40, lambda f, *given, **_: f(*given)
+    kept = shading.CHUNK, shading.CHUNK_OF_GPU, shading.checkpoint
+    shading.CHUNK = shading.CHUNK_OF_GPU = 2**40
+    shading.checkpoint = lambda f, *given, **_: f(*given)
     try:
         return shade(*arguments)
     finally:
-        shading.CHUNK, shading.checkpoint = kept
+        shading.CHUNK, shading.CHUNK_OF_GPU, shading.checkpoint = kept
 
 
 def mitsuba(threads: int) -> float | None:

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -49,6 +50,18 @@ def toy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.domains.Images.scored", 64)
 
 
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings are in this process, one at a time: what others cost is most of the time that such small ones take."""
+    lock = threading.Lock()
+
+    def wait(self: object, words: list[str]) -> tuple[int, str]:
+        with lock:
+            return main(words), ""
+
+    monkeypatch.setattr("unproject.reproduce.running._Training._wait", wait)
+
+
 def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", "toy", "--parallel", "2", "--threads", "1"]) == 0
@@ -74,7 +87,7 @@ def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkey
 
 
 def test_without_training_a_run_that_is_not_finished_is_left_alone(
-    toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    toy: None, here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
     arm = TOY.arms[0]
@@ -96,7 +109,9 @@ def test_a_training_that_fails_is_one_line(toy: None, tmp_path: Path) -> None:
         running.train_missing([(Arm("bad", "digits", "digits", "", {"views": "nonsense"}), 0)], settings)
 
 
-def test_what_fails_does_not_stop_the_rest(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_fails_does_not_stop_the_rest(
+    toy: None, here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bad = Arm("toy-bad", "digits", "digits", "", {"views": "nonsense"})
     monkeypatch.setitem(package.FIGURES, "toy", replace(TOY, arms=(bad, *TOY.arms)))
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
@@ -118,7 +133,7 @@ def test_an_interrupted_training_is_no_result(toy: None, tmp_path: Path, monkeyp
     assert not settings.result(TOY.arms[0], 0).exists
 
 
-def test_results_and_runs_of_other_flags_are_not_taken(toy: None, tmp_path: Path) -> None:
+def test_results_and_runs_of_other_flags_are_not_taken(toy: None, here: None, tmp_path: Path) -> None:
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
     running.train_missing([(TOY.arms[0], 0)], settings)
     other = replace(TOY.arms[0], flags={"bins": 5})
@@ -130,7 +145,7 @@ def test_results_and_runs_of_other_flags_are_not_taken(toy: None, tmp_path: Path
             go([(other, 0)], settings)
 
 
-def test_more_seeds_than_asked_for_are_reported(toy: None, tmp_path: Path) -> None:
+def test_more_seeds_than_asked_for_are_reported(toy: None, here: None, tmp_path: Path) -> None:
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu", threads=1)
     running.train_missing([(TOY.arms[0], seed) for seed in (0, 3)], settings)
     assert package.report_of(TOY, settings).seeds("toy-known") == [0, 3]
@@ -324,7 +339,7 @@ def test_what_is_scored_against_is_missed_before_the_training(tmp_path: Path) ->
 
 
 def test_true_things_that_are_missing_do_not_keep_reports_from_being_written(
-    toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    toy: None, here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
 

@@ -23,6 +23,9 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
+from unproject.ops import pyramids
+from unproject.projections import rendering
+
 DEVICE = torch.device("cuda:0")
 PROCESSOR = torch.device("cpu")
 ACROSS = {"copy_", "set_"}
@@ -31,6 +34,8 @@ INDEXED = {"index", "index_put", "index_put_", "_index_put_impl_", "_unsafe_inde
 """Operations whose first tensor may be on the device while indices are not."""
 UNSEEN = {"__deepcopy__", "new_tensor"}
 """Functions that make a tensor where their first one is, past all operations."""
+KEPT_ON_A_DEVICE = (pyramids._placed, rendering._placed)
+"""Functions that keep tensors, of which another pretended device would not know."""
 OF_PROCESSOR = {"numpy", "data_ptr", "__array__"}
 
 
@@ -154,4 +159,8 @@ def pretended_device() -> Iterator[torch.device]:
     """Pretend that "cuda:0" is there; give it."""
     there = Storages()
     with Dispatch(there), Functions(there):
-        yield DEVICE
+        try:
+            yield DEVICE
+        finally:
+            for kept in KEPT_ON_A_DEVICE:
+                kept.cache_clear()

@@ -119,3 +119,43 @@ def test_other_data_than_those_of_training_are_noticed(tmp_path: Path) -> None:
     fewer = replace(panel, data=(first.subset(range(len(first) - 2)), *others))
     with pytest.raises(UserError, match=rf"trained on other data \({len(first)}, .* then, {len(first) - 2}, .* now\)"):
         run.evaluate(n=8, recipe=recipe.replace(panels=[fewer]))
+
+
+def test_a_training_that_never_begins_leaves_the_place_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_much(self: object) -> None:
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr("unproject.training.trainer.Trainer.step", too_much)
+        for place in (tmp_path / "new" / "run", tmp_path):
+            with pytest.raises(MemoryError):
+                train(toy(steps=2), place, quiet=True)
+        assert not (tmp_path / "new" / "run").exists() and {path.name for path in tmp_path.iterdir()} == {"new"}
+    run = train(toy(steps=2), tmp_path / "new" / "run", quiet=True)
+    assert run.step == 2
+
+
+def test_a_training_that_breaks_off_later_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Trainer.step
+
+    def once(self: Trainer) -> None:
+        if self.state.counters.step == 1:
+            raise MemoryError
+        step(self)
+
+    monkeypatch.setattr(Trainer, "step", once)
+    with pytest.raises(MemoryError):
+        train(toy(steps=2), tmp_path, quiet=True)
+    assert (tmp_path / "recipe.json").exists()
+
+
+def test_a_run_that_begins_with_weights_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    train(toy(steps=1), tmp_path / "first", quiet=True)
+
+    def too_much(self: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("unproject.training.trainer.Trainer.step", too_much)
+    with pytest.raises(MemoryError):
+        train(toy(steps=2), tmp_path / "second", start=tmp_path / "first", quiet=True)
+    assert (tmp_path / "second" / "recipe.json").exists()

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .._random import chosen_of, shared_draws
 from .._types import UserError
-from ..ops.resampling import centres
+from ..ops.resampling import centres, sampled_pictures
 
 
 class Augmentation(ABC):
@@ -175,7 +174,7 @@ def moved(images: Tensor, by: Tensor, zoom: Tensor, roll: Tensor) -> Tensor:
     right = ((centres(width, images) - 2 * by[:, :1]) * width)[:, None]
     down = ((centres(height, images) - 2 * by[:, 1:]) * height)[:, :, None]
     grid = torch.stack(((right * cos - down * sin) / width, (right * sin + down * cos) / height), -1)
-    return F.grid_sample(images, grid, align_corners=False)
+    return sampled_pictures(images, grid)
 
 
 @dataclass(frozen=True)

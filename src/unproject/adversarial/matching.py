@@ -129,12 +129,18 @@ class MatchingState(nn.Module):
         """Return fields for the lines of the log: the root mean square of the differences of means."""
         return {"mismatch": round(self.first.square().mean().sqrt().item(), 4)}
 
-    def forward(self, images: Tensor, over_processes: Callable[[Tensor], Tensor] = lambda values: values) -> Tensor:
+    def forward(
+        self,
+        images: Tensor,
+        over_processes: Callable[[Tensor], Tensor] = lambda values: values,
+        call: Callable[..., Tensor] = lambda function, inputs: function(*inputs),
+    ) -> Tensor:
         """Return the loss of generated images (B, C, H, W), and take them into the moving means.
 
-        `over_processes` returns the mean of a tensor over all processes, each of which has as many images.
+        `over_processes` returns the mean of a tensor over all processes, each of which has as many images;
+        `call(function, inputs)` returns function(*inputs).
         """
-        s = (band_statistics(images.float()) - self.centre) / self.unit
+        s = (call(band_statistics, (images.float(),)) - self.centre) / self.unit
         now = torch.stack([s.mean(0), s.square().mean(0)])
         self.seen += 1
         rate = max(self.settings.memory, 1 / int(self.seen))

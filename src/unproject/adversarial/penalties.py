@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import torch
 from torch import Tensor
@@ -21,6 +21,10 @@ Discriminate: TypeAlias = Callable[[Tensor], Tensor]
 class Penalty(ABC):
     """A term of the discriminator's loss, added at every `every`-th step and multiplied by `every`.
 
+    Class attributes:
+        replayable: whether it is a function of the images and the discriminator alone, in the same operations whatever
+            their values: then a GPU may replay them (`training.graphs`).
+
     Examples:
         >>> import torch, unproject as up
         >>> class Drift(up.Penalty):
@@ -33,6 +37,7 @@ class Penalty(ABC):
     """
 
     every: int
+    replayable: ClassVar[bool] = False
 
     @abstractmethod
     def __call__(self, discriminator: Discriminate, real: Tensor, fake: Tensor, rng: torch.Generator) -> Tensor:
@@ -109,6 +114,7 @@ class R1R2(Penalty):
 
     gamma: float = 1.0
     every: int = 4
+    replayable: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check(self, self.gamma, self.every)

@@ -132,8 +132,12 @@ class JointlyPredictedState(PredictedState):
         self.online.step()
         self.online.zero_grad()
         with torch.no_grad():
-            for mean, new in zip(self.predictor.state_dict().values(), self.trained.state_dict().values(), strict=True):
-                mean.lerp_(new, AVERAGED) if mean.is_floating_point() else mean.copy_(new)
+            both = zip(self.predictor.state_dict().values(), self.trained.state_dict().values(), strict=True)
+            means, news = map(list, zip(*(pair for pair in both if pair[0].is_floating_point())))
+            torch._foreach_lerp_(means, news, AVERAGED)  # pyright: ignore[reportPrivateImportUsage]
+            for name, count in self.predictor.named_buffers():
+                if not count.is_floating_point():
+                    count.copy_(self.trained.get_buffer(name))
 
     def take_over(self, tensors: dict[str, Tensor]) -> bool:
         fits = super().take_over(tensors)

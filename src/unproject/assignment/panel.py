@@ -166,7 +166,14 @@ class Panel:
             images[mine.to(images.device)] = self.collections[k].batch(rows[mine] - begin, device)
         return images
 
-    def project(self, x: Tensor, views: Tensor, rng: torch.Generator, learned: LearnedLatents | None = None) -> Tensor:
+    def project(
+        self,
+        x: Tensor,
+        views: Tensor,
+        rng: torch.Generator,
+        learned: LearnedLatents | None = None,
+        call: Callable[..., Tensor] | None = None,
+    ) -> Tensor:
         """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection.
 
         Args:
@@ -174,6 +181,7 @@ class Panel:
             views: (B,); or those of the whole batch, if `rng` is that of one process among several.
             rng: the source of draws.
             learned: draws those latents whose distribution is learned, in place of the priors.
+            call: calls the projection with x and latents (default: as it is).
         """
         source, count, own = shared_draws(rng, len(x))
         if len(views) != count:  # views of this process's part alone
@@ -181,7 +189,8 @@ class Panel:
         priors = [observation.prior for observation in self.observations]
         theta = sample_each(priors, views, source) if priors[0].names else {}
         theta |= learned.draw(len(views), source) if learned else {}
-        return self.projection(x, **{name: exact(value[own], x) for name, value in theta.items()})
+        exactly = {name: exact(value[own], x) for name, value in theta.items()}
+        return self.projection(x, **exactly) if call is None else call(self.projection, x, **exactly)
 
 
 class AssignmentState(Assigned):
@@ -193,6 +202,7 @@ class AssignmentState(Assigned):
         held_out_heads: (M,) the head for each image that is held out, if the panel has such; at first 0.
         learned: the latents whose distribution is learned, if the panel has such.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
+        call: calls the projection with x and latents, if the trainer has something faster.
 
     Examples:
         >>> import torch, unproject as up
@@ -213,6 +223,7 @@ class AssignmentState(Assigned):
         if panel.held_out is not None:
             self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=smallest(head_count)))
         self.learned = LearnedLatents(panel.learned) if panel.learned else None
+        self.call: Callable[..., Tensor] | None = None
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""
@@ -221,7 +232,7 @@ class AssignmentState(Assigned):
 
     def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of x (B, ...) in `views` (B,), with what is learned of their latents."""
-        return self.panel.project(x, views, rng, self.learned)
+        return self.panel.project(x, views, rng, self.learned, self.call)
 
     def take_over(self, tensors: dict[str, Tensor]) -> bool:
         """Begin with what another run's state of this panel, its `state_dict`, has learned; return whether it fits."""

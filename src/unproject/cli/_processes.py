@@ -36,13 +36,14 @@ def in_processes(verb: str, argv: Sequence[str], call: Callable[[], Any]) -> Cal
 
 def _count(argv: Sequence[str]) -> tuple[int | None, list[str]]:
     """Return the number of processes and the other words; `argv` was read before, so that it is well formed."""
-    words, count = list(argv), None
-    for i, word in enumerate(argv):
+    given, words, rest = "", iter(argv), []
+    for word in words:
         name, equals, value = word.partition("=")
         if name == FLAG:
-            count = int(value if equals else argv[i + 1])
-            words = [*argv[:i], *argv[i + (1 if equals else 2) :]]
-    return count, words
+            given = value if equals else next(words)  # of several the last counts
+        else:
+            rest.append(word)
+    return (int(given) if given else None), rest
 
 
 def launch(words: Sequence[str], count: int) -> int:

@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .._types import UserError
+from ..ops.resampling import doubled
 
 
 def upsampling_levels(size: int) -> int:
@@ -33,7 +34,6 @@ class SmoothUpsampling(nn.Module):
         dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
         widths = [channels, *[max(channels // 2**i, outputs) for i in range(1, levels + 1)]]
-        self.mode = "bilinear" if dims == 2 else "linear"
         self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
         self.norms = nn.ModuleList([ModulatedNorm(inputs, width, dims) for width in widths])
@@ -48,8 +48,7 @@ class SmoothUpsampling(nn.Module):
             x = x.contiguous(memory_format=torch.channels_last)
         x = F.relu(self.norms[0](x, hidden))
         for convolution, norm in zip(self.levels, list(self.norms)[1:], strict=True):
-            x = F.interpolate(convolution(x), scale_factor=2, mode=self.mode, align_corners=False)
-            x = F.relu(norm(x, hidden))
+            x = F.relu(norm(doubled(convolution(x)), hidden))
         return self.last(x)
 
 

@@ -37,6 +37,8 @@ class DCGANDiscriminator(nn.Module):
         torch.Size([4])
     """
 
+    replayable = True
+
     def __init__(
         self,
         shape: tuple[int, ...],

@@ -68,7 +68,7 @@ class Discriminator(nn.Module):
             raise UserError(f"discriminator: four halvings need sides that are multiples of 16, not {shape}")
         if common and spectral:
             raise UserError("discriminator: rows that start at zero have no spectral norm; choose common or spectral")
-        self.slope, self.volumetric = slope, volumetric
+        self.slope, self.volumetric, self.spectral = slope, volumetric, spectral
         shared = BLOCKS if volumetric or heads == 1 else shared
         widths = [1 if volumetric else shape[0], *[channels * 2**i for i in range(BLOCKS)]]
         convolution = CONVOLUTIONS[dims]
@@ -92,6 +92,12 @@ class Discriminator(nn.Module):
                 register_parametrization(module, "weight", SpectralNorm(module.weight))
             elif isinstance(module, nn.Embedding):
                 register_parametrization(module, "weight", SpectralNorm(module.weight[:, None]))
+
+    @property
+    def replayable(self) -> bool:
+        """Whether all calls do the same operations, so that a GPU may replay them (`training.graphs`): groups of images
+        by head differ in size, and spectral normalisation replaces its vectors."""
+        return not self.own and not self.spectral
 
     def forward(self, image: Tensor, head: Tensor) -> Tensor:
         """Return logits (B,) of inputs in [0, 1], which are scaled to [-1, 1]; `head` (B,) is the head of each."""
@@ -133,6 +139,8 @@ class LineDiscriminator(nn.Module):
         >>> discriminator(torch.rand(4, 1, 32), head=torch.tensor([0, 3, 3, 9])).shape
         torch.Size([4])
     """
+
+    replayable = True
 
     def __init__(
         self,

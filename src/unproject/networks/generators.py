@@ -26,6 +26,8 @@ class Generator(nn.Module, ABC):
     Class attributes:
         domain: "volumes", "images" or "maps"; a generator of something else leaves it out and its recipe has a domain
             (`Recipe(domain=...)`).
+        replayable: whether forward does the same operations whatever is in codes, parameters and buffers, on which
+            alone it depends, and waits for none of them: then a GPU may replay them (`training.graphs`).
 
     Args:
         code_size: L, the length of a code.
@@ -51,6 +53,7 @@ class Generator(nn.Module, ABC):
     """
 
     domain: ClassVar[Literal["", "volumes", "images", "maps"]] = ""
+    replayable: ClassVar[bool] = False
 
     def __init__(self, code_size: int, truncation: float | None = None, hull: bool | float = False) -> None:
         super().__init__()
@@ -174,6 +177,7 @@ class VoxelGenerator(Generator):
     """
 
     domain = "volumes"
+    replayable = True
 
     def __init__(
         self,
@@ -239,6 +243,7 @@ class ImageGenerator(Generator):
     """
 
     domain = "images"
+    replayable = True
 
     def __init__(
         self,
@@ -283,6 +288,7 @@ class SmoothImageGenerator(Generator):
     """
 
     domain = "images"
+    replayable = True
 
     def __init__(
         self,

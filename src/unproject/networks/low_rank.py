@@ -57,6 +57,7 @@ class LowRankGenerator(Generator):
     """
 
     domain = "volumes"
+    replayable = True
     limit: Tensor
 
     def __init__(

@@ -95,6 +95,8 @@ class DCGANMaterials(MaterialGenerator):
         torch.Size([2, 8, 16, 16])
     """
 
+    replayable = True
+
     def __init__(
         self,
         size: int = 64,
@@ -172,6 +174,8 @@ class StationaryMaterials(MaterialGenerator):
         >>> up.networks.StationaryMaterials(size=16, channels=16, least=8).sample(2).shape
         torch.Size([2, 8, 16, 16])
     """
+
+    replayable = True
 
     def __init__(
         self,

@@ -6,6 +6,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from ..ops.resampling import doubled
 from .blocks import ModulatedScale
 
 EITHER_SIGN = 6.0  # gives scales 1 ± 1 before training
@@ -64,7 +65,7 @@ class TilingLevel(nn.Module):
 
     def forward(self, x: Tensor, hidden: Tensor, noise: Tensor) -> Tensor:
         # A border of one more texel than the convolution needs, for the interpolation; removed afterwards.
-        x = F.interpolate(self.convolution(tiled(x, 2)), scale_factor=2, mode="bilinear", align_corners=False)
+        x = doubled(self.convolution(tiled(x, 2)))
         x = x[:, :, 2:-2, 2:-2] + F.conv2d(noise, self.strength[:, :, None, None])
         return F.relu(self.norm(x, hidden))
 

@@ -52,6 +52,8 @@ class TextureDiscriminator(nn.Module):
 
     taken: Tensor
 
+    replayable = True
+
     def __init__(
         self,
         shape: tuple[int, ...],
@@ -90,14 +92,19 @@ class TextureDiscriminator(nn.Module):
     def windows(self, image: Tensor) -> list[Tensor]:
         """Return one window of each scale, finest first; the last is the whole image."""
         self.taken += int(self.training)
+        scales = [F.avg_pool2d(image, 2**k) if k else image for k in range(len(self.scales))]
+        return [self._window(x) for x in scales]
+
+    def _window(self, x: Tensor) -> Tensor:
+        places, side = x.shape[-1] - self.window + 1, self.window
+        if x.is_cuda:  # where operations are replayed, so that they must not depend on the place
+            steps = torch.stack([torch.full_like(self.taken, step, dtype=torch.float64) for step in STEPS])
+            first = (torch.fmod(0.5 + steps * (self.taken if self.training else 0), 1) * places).long()
+            rows, columns = first[:, None] + torch.arange(side, device=x.device)
+            return x.index_select(2, rows).index_select(3, columns)
         taken = self.taken.item() if self.training else 0
-        place = [math.fmod(0.5 + step * taken, 1) for step in STEPS]
-        found = []
-        for k in range(len(self.scales)):
-            x = F.avg_pool2d(image, 2**k) if k else image
-            row, column = (int(u * (x.shape[-1] - self.window + 1)) for u in place)
-            found.append(x[:, :, row : row + self.window, column : column + self.window])
-        return found
+        row, column = (int(math.fmod(0.5 + step * taken, 1) * places) for step in STEPS)
+        return x[:, :, row : row + side, column : column + side]
 
     def _statistics(self, k: int, x: Tensor) -> Tensor:
         found = []

@@ -1,4 +1,5 @@
 """Kernels in C++: those that came with the package, or compiled on first use; without either, torch has the values.
+On a GPU kernels in Triton take their place.
 
 `kernel("line_integrals", "line_integrals_float")` is a function of `ops/line_integrals.cpp` that takes pointers and
 numbers, or None without a compiler, if compilation fails, or with UNPROJECT_NATIVE=0. A wheel has each kernel for
@@ -11,6 +12,8 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import importlib
+import importlib.util
 import os
 import platform
 import subprocess
@@ -33,6 +36,21 @@ def kernel(source: str, name: str) -> Callable[..., None] | None:
     """Return the C function `name` of ops/SOURCE.cpp, or None."""
     library = _library(source) if os.environ.get("UNPROJECT_NATIVE", "1") != "0" else None
     return None if library is None else getattr(library, name)
+
+
+def gpu_kernels(source: str, like: Tensor) -> Any:
+    """Return the module ops/SOURCE_triton.py for tensors like this one, or None: without Triton, or not on a GPU.
+
+    PyTorch brings Triton along where it can use a GPU.
+    """
+    if not like.is_cuda or os.environ.get("UNPROJECT_NATIVE", "1") == "0" or not _has_triton():
+        return None
+    return importlib.import_module(f".{source}_triton", __package__)
+
+
+@cache
+def _has_triton() -> bool:
+    return importlib.util.find_spec("triton") is not None
 
 
 def pointer(x: Tensor) -> ctypes.c_void_p:

@@ -86,9 +86,16 @@ class Covariance(torch.autograd.Function):
         return ((gradient + gradient.transpose(1, 2)) / centred.shape[2]) @ centred
 
 
+def _averaged(x: Tensor, height: int, width: int) -> Tensor:
+    """Average over areas; by whole pixels where they fit, whose gradient on a GPU adds in one order."""
+    if x.is_cuda and x.shape[2] % height == 0 and x.shape[3] % width == 0:
+        return F.avg_pool2d(x, (x.shape[2] // height, x.shape[3] // width))
+    return F.interpolate(x, (height, width), mode="area")
+
+
 def _across(fine: Tensor, coarse: Tensor) -> Tensor:
     """Return correlations of energies of one level with fields of the next, (B, F F')."""
-    fine = F.interpolate(fine, coarse.shape[2:], mode="area").flatten(2)
+    fine = _averaged(fine, coarse.shape[2], coarse.shape[3]).flatten(2)
     fine, coarse = (x - x.mean(2, keepdim=True) for x in (fine, coarse.flatten(2)))
     scales = [(x.square().mean(2) + FLOOR).rsqrt() for x in (fine, coarse)]
     covariance = fine @ coarse.transpose(1, 2) / fine.shape[2]

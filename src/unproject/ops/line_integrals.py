@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ._native import kernel, pointer
+from ._native import gpu_kernels, kernel, pointer
 from .rotation import cos_sin
 
 
@@ -60,11 +60,18 @@ def strip_integrals_sparse(image: Tensor, angle: Tensor, bins: int) -> Tensor:
 
 
 def strip_integrals_native(image: Tensor, angle: Tensor, bins: int) -> Tensor:
-    """Return `strip_integrals` by `line_integrals.cpp`, or by `strip_integrals_sparse` without a compiler."""
-    known = image.device.type == "cpu" and image.dtype in (torch.float32, torch.float64)
-    if not known or _kernel(image, False) is None:
+    """Return `strip_integrals` by `line_integrals.cpp`, or `line_integrals_triton` on a GPU; without a compiler or
+    Triton by `strip_integrals_sparse`."""
+    known = image.dtype in (torch.float32, torch.float64)
+    if not known or not _has_kernels(image):
         return strip_integrals_sparse(image, angle, bins)
     return _Native.apply(image, torch.stack(cos_sin(angle.detach().to(image))), image.shape[2:], bins, False)
+
+
+def _has_kernels(image: Tensor) -> bool:
+    if image.device.type == "cpu":
+        return _kernel(image, False) is not None
+    return gpu_kernels("line_integrals", image) is not None
 
 
 def _kernel(x: Tensor, back: bool) -> Any:
@@ -81,6 +88,8 @@ class _Native(torch.autograd.Function):
         ctx.save_for_backward(turned)
         ctx.rest = size, bins, not back
         values = values.contiguous()
+        if values.is_cuda:
+            return gpu_kernels("line_integrals", values).project(values, turned, size, bins, back)
         result = values.new_empty(*values.shape[:2], *(size if back else (bins,)))
         image, out = (result, values) if back else (values, result)
         _kernel(values, back)(

@@ -30,13 +30,13 @@ def gaussian_pyramid(x: Tensor, smallest: int) -> list[Tensor]:
     """Return x (..., H, W), repeatedly blurred and halved while the shorter side is at least `smallest`."""
     levels = [x]
     while min(side + 1 for side in levels[-1].shape[-2:]) // 2 >= smallest:
-        rows, columns = (binomial_filter(side).to(x)[::2] for side in levels[-1].shape[-2:])
+        rows, columns = (binomial_filter(side, x)[::2] for side in levels[-1].shape[-2:])
         levels.append(rows @ levels[-1] @ columns.T)
     return levels
 
 
 def _twice(coarse: Tensor, height: int, width: int) -> Tensor:
-    rows, columns = (2 * binomial_filter(side).to(coarse)[:, ::2] for side in (height, width))
+    rows, columns = (2 * binomial_filter(side, coarse)[:, ::2] for side in (height, width))
     return rows @ coarse @ columns.T
 
 
@@ -48,6 +48,11 @@ def filter_matrix(n: int, taps: tuple[float, ...]) -> Tensor:
     return conv1d(steps, torch.tensor(taps)[None, None])[:, 0].T.contiguous()
 
 
-def binomial_filter(n: int) -> Tensor:
-    """Return the matrix (n, n) of the binomial filter."""
-    return filter_matrix(n, BINOMIAL)
+def binomial_filter(n: int, like: Tensor) -> Tensor:
+    """Return the matrix (n, n) of the binomial filter, of the type and on the device of a tensor."""
+    return _placed(n, like.dtype, like.device)
+
+
+@lru_cache(maxsize=64)
+def _placed(n: int, dtype: torch.dtype, device: torch.device) -> Tensor:
+    return filter_matrix(n, BINOMIAL).to(device, dtype)

@@ -2,7 +2,7 @@
 
 `ray_rules.cpp` walks along each ray of a plane for all heights at once, and takes what a rule needs of its samples; the
 gradient walks along it again. Values are those of `azimuth.ray_samples` with the rules of `occupancy`, which is the
-plain reference, and what runs on other devices and without a compiler.
+plain reference, and what runs without a compiler. On a GPU the kernels are those of `ray_rules_triton`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from ._native import divided, kernel
+from ._native import divided, gpu_kernels, kernel
 from .azimuth import PlaneRays, ray_samples, ray_sums
 from .occupancy import any_occupied, capped_sum
 from .rotation import cos_sin
@@ -57,7 +57,7 @@ def ray_values(volume: Tensor, rays: PlaneRays, rule: RayRule) -> Tensor:
     """
     fixed = not any(isinstance(place, Tensor) and place.requires_grad for place in (rays.viewport, rays.offset))
     alike = volume.dtype == rays.azimuth.dtype and volume.dtype in (torch.float32, torch.float64)
-    if volume.device.type != "cpu" or not fixed or not alike or _kernel(rule, "forward", volume) is None:
+    if not fixed or not alike or not _has_kernels(volume):
         return ray_values_plain(volume, rays, rule)
     if rule in ("samples", "sum"):
         return _Linear.apply(volume, rays.azimuth, rays, rule, False)
@@ -70,6 +70,12 @@ def ray_values_plain(volume: Tensor, rays: PlaneRays, rule: RayRule) -> Tensor:
         return ray_sums(volume, rays)
     samples = ray_samples(volume, rays)
     return samples if rule == "samples" else {"any": any_occupied, "alpha": capped_sum}[rule](samples, 2)
+
+
+def _has_kernels(volume: Tensor) -> bool:
+    if volume.device.type == "cpu":
+        return _kernel("sum", "forward", volume) is not None
+    return gpu_kernels("ray_rules", volume) is not None
 
 
 def _kernel(rule: str, task: str, x: Tensor) -> Any:
@@ -133,6 +139,8 @@ class _Nonlinear(torch.autograd.Function):
 
 def _forward(rays: PlaneRays, rule: RayRule, volume: Tensor) -> Tensor:
     """Return the values of a rule; of "any" the light that passes, Π (1 - p)."""
+    if volume.is_cuda:
+        return gpu_kernels("ray_rules", volume).forward(rays, rule, volume)
     depth = (rays.samples,) if rule == "samples" else ()
     values = volume.new_empty(len(volume), rays.size, *depth, volume.shape[2])
     _run("forward", rays, rule, volume=volume, values=values)
@@ -141,6 +149,8 @@ def _forward(rays: PlaneRays, rule: RayRule, volume: Tensor) -> Tensor:
 
 def _back(rays: PlaneRays, rule: RayRule, of: Tensor, volume: Tensor | None, passed: Tensor | None) -> Tensor:
     """Return the gradient (B, X, Y, Z) of ⟨values, of⟩."""
+    if of.is_cuda:
+        return gpu_kernels("ray_rules", of).back(rays, rule, of, volume, passed)
     x, z = rays.plane
     gradient = of.new_empty(len(of), x, z, of.shape[-1])
     volume = gradient.transpose(2, 3) if volume is None else volume
@@ -150,6 +160,8 @@ def _back(rays: PlaneRays, rule: RayRule, of: Tensor, volume: Tensor | None, pas
 
 def _slope(rays: PlaneRays, rule: RayRule, volume: Tensor, of: Tensor, passed: Tensor | None) -> Tensor:
     """Return the gradient (B,) of ⟨values, of⟩ by the azimuth."""
+    if volume.is_cuda:
+        return gpu_kernels("ray_rules", volume).slope(rays, rule, volume, of, passed)
     gradient = of.new_empty(len(of))
     _run("slope", rays, rule, volume=volume, values=of, gradient=gradient, passed=passed)
     return gradient

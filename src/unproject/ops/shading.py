@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor
@@ -39,7 +39,7 @@ from .microfacet import (
 )
 
 POOL, STRATUM = 2**12, 64  # prepared light samples, and at most so many for each one that a pixel takes
-CHUNK = 2**18  # samples computed at a time
+CHUNK, CHUNK_OF_GPU = 2**18, 2**22  # samples computed at a time
 MOST = 2**20
 
 
@@ -245,13 +245,21 @@ def _estimate(
         return (value * radiance * weight[..., None]).sum(2)
 
     counts = diffuse_counts(drawn_from, plan.lobes)
-    size = max(1, CHUNK // max(1, maps.shape[0] * maps.shape[2] * maps.shape[3]))
+    most = CHUNK_OF_GPU if maps.is_cuda else CHUNK
+    size = max(1, most // max(1, maps.shape[0] * maps.shape[2] * maps.shape[3]))
     keep = torch.is_grad_enabled() and maps.requires_grad
     total = maps.new_zeros(len(maps), maps.shape[2] * maps.shape[3], 3)
     for chunk, of_light in _chunks(plan, size, maps.device):
         arguments = (maps, drawn_from, chunk, of_light)
-        total = total + (checkpoint(part, *arguments, use_reentrant=False) if keep else part(*arguments))
+        total = total + (again(part, *arguments) if keep else part(*arguments))
     return total.transpose(1, 2).reshape(len(maps), 3, *maps.shape[2:])
+
+
+def again(part: Callable[..., Tensor], *arguments: Any) -> Tensor:
+    """Compute a part, and once more for its gradient; it draws nothing from PyTorch's generators."""
+    found = checkpoint(part, *arguments, use_reentrant=False, preserve_rng_state=False)
+    assert isinstance(found, Tensor)
+    return found
 
 
 def _chunks(plan: Plan, size: int, device: torch.device) -> Iterator[tuple[Tensor, bool]]:

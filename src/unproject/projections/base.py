@@ -29,6 +29,8 @@ class Projection:
         example_shape: the shape of one x, used by the laws when no example is given.
         silhouettes: whether the pictures are silhouettes, which are compared where they are above ½; others by their
             root mean square differences.
+        replayable: whether it does the same operations whatever the values of x and latents, and waits for none of
+            them: then a GPU may replay them (`training.graphs`).
 
     Raises:
         UserError: on use, if the subclass defines no `forward`.
@@ -46,6 +48,7 @@ class Projection:
 
     linear: ClassVar[bool] = False
     silhouettes: ClassVar[bool] = False
+    replayable: ClassVar[bool] = False
     example_shape: ClassVar[tuple[int, ...]] = (8, 8, 8)
     # Declared as torch.nn.Module does, so that a subclass may name its latents without an incompatible override.
     forward: Callable[..., Tensor] = _missing_forward

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import ClassVar, Literal, TypeAlias
 
 import torch
@@ -78,6 +79,7 @@ class Rendering(Projection):
         tensor([1., 1., 1.])
     """
 
+    replayable: ClassVar[bool] = True
     lighting: Lighting | Tensor = "ambient"
     reflection: Reflection = Reflection()
     sampling: Sampling = Sampling()
@@ -167,9 +169,15 @@ class Rendering(Projection):
 
     def _light(self, light: Tensor, around: Tensor, probe: Tensor) -> Light:
         if self.environments is not None:
-            table, running = (part.to(light) for part in self.environments)
+            table, running = _placed(self.environments, light.device, light.dtype)
             return Environment(Environments(table, running), probe.long().clamp(0, len(table) - 1), light)
         return Directional(towards(light, around)) if self.lighting in DIRECTED else Ambient()
+
+
+@lru_cache(maxsize=32)
+def _placed(environments: Environments, device: torch.device, dtype: torch.dtype) -> Environments:
+    """Return environments on a device: they are megabytes, and needed in every step."""
+    return Environments(*(part.to(device, dtype) for part in environments))
 
 
 def rendering_prior(

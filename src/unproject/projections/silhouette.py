@@ -205,7 +205,8 @@ class Silhouette(Projection):
     def _project_tilted(self, x: Tensor, azimuth: Tensor, elevation: Tensor) -> Tensor:
         """Return nearly the values of `_project`, a few volumes at a time so that their slices stay in the cache."""
         size, *_ = self._sampling(x)
-        few = max(1, _CACHED // (size * self._depths(x) * x.shape[2]))
+        most = _CACHED * 100 if x.is_cuda else _CACHED
+        few = max(1, most // (size * self._depths(x) * x.shape[2]))
         chunks = zip(*(part.split(few) for part in (x, azimuth, elevation)))
         return torch.cat([self._project_few(*chunk) for chunk in chunks])
 
@@ -230,7 +231,8 @@ class Silhouette(Projection):
 
 
 _CACHED = 1_000_000
-"""Values of slices at a time: as fast as one volume at a time for large volumes, as all of them for small ones."""
+"""Values of slices at a time: as fast as one volume at a time for large volumes, as all of them for small ones. A GPU,
+which is slow to begin anything, works on a hundred times as many."""
 
 _RULE = {"any": any_occupied, "alpha": capped_sum}
 

@@ -38,6 +38,8 @@ class Distribution:
         if self.device.type == "cuda" and (self.device.index or 0) >= torch.cuda.device_count():
             there = torch.cuda.device_count()
             raise UserError(f"{self.device}: {there} CUDA devices are there; start as many processes")
+        if self.device.type == "cuda":
+            torch.backends.cudnn.deterministic = True  # a run repeats bit for bit
         if self.world > 1 and not dist.is_initialized():
             _join(self.device)
 

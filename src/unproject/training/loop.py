@@ -76,7 +76,12 @@ def train(
                 (out / event_file.FOLDER).mkdir(exist_ok=True)
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())
-        return _run(recipe, out, state, distribution, quiet)
+        try:
+            return _run(recipe, out, state, distribution, quiet)
+        except Exception:  # as that there is too little memory: the same command is to find the place free
+            if distribution.leads and not state.counters.step:
+                run_directory.remove_begun(out)
+            raise
 
 
 def resume(

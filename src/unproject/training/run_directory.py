@@ -19,7 +19,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from datetime import datetime, timezone
 from importlib import metadata
@@ -36,6 +36,7 @@ except ImportError:  # Windows
 from .._files import atomic_path, read_json, understood
 from .._objects import module_name
 from .._types import UserError
+from . import event_file
 from .description import describe
 from .recipe import Origin, Recipe
 
@@ -76,6 +77,18 @@ def create(path: Path, content: dict[str, Any]) -> None:
         (path / folder).mkdir(parents=True, exist_ok=True)
     write_json(path / "environment.json", environment())
     write_json(path / "recipe.json", content)
+
+
+def remove_begun(path: Path) -> None:
+    """Remove a run directory in which nothing was learned, unless it has weights to start from; recipe.json first."""
+    if any((path / "checkpoints").iterdir()):
+        return
+    for name in ("recipe.json", "environment.json", "stats.jsonl"):
+        (path / name).unlink(missing_ok=True)
+    for folder in ("checkpoints", "samples", event_file.FOLDER):
+        shutil.rmtree(path / folder, ignore_errors=True)
+    with suppress(OSError):  # something else is there
+        path.rmdir()
 
 
 @contextmanager

@@ -115,6 +115,11 @@ class State:
                     "normalisation of the discriminator; leave out one of the two"
                 )
         self.average: Generator = copy.deepcopy(self.generator).eval().requires_grad_(False)
+        # Listed once: modules take milliseconds to list their parameters where they are many.
+        self._averaged: tuple[list[Tensor], list[Tensor]] = (
+            list(self.average.parameters()),
+            list(self.generator.parameters()),
+        )
         self.generator_optimiser = optimiser_of(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = optimiser_of(self.discriminators, recipe.discriminator_optimiser)
 
@@ -179,11 +184,11 @@ class State:
         half_life = min(half_life, max((self.counters.averaged + self.counters.step) / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
-            mean: list[Tensor] = list(self.average.parameters())
-            new: list[Tensor] = list(self.generator.parameters())
+            mean, new = self._averaged
             torch._foreach_lerp_(mean, new, rate)  # pyright: ignore[reportPrivateImportUsage]
-            for held, now in zip(self.average.buffers(), self.generator.buffers(), strict=True):
-                held.copy_(now)
+            held, now = list(self.average.buffers()), list(self.generator.buffers())
+            if held:
+                torch._foreach_copy_(held, now)  # pyright: ignore[reportPrivateImportUsage]
 
     def sampler(self) -> Generator:
         """Return the averaged generator as samples are drawn from it: with hulls if cameras are level by now."""

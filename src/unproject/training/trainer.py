@@ -11,6 +11,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,12 @@ import torch
 from torch import Tensor
 
 from .._random import derived_seed, generator_at
+from ..adversarial.penalties import Penalty
 from . import checkpoint
 from .balancing import Term, balanced_loss
 from .choosing import choose
 from .distribution import Distribution
+from .graphs import Graphs, replayable
 from .health import EVERY, check, check_finite, diversity
 from .overfitting import adapt, held_out_logits
 from .recipe import Recipe
@@ -62,6 +65,7 @@ class Trainer:
         self.distribution = distribution or Distribution()
         self.state = state or State(recipe, self.distribution.device)
         self.asked_to_stop = stopping
+        self.graphs = Graphs()
         self.forward = self._compiled()
         self.began = time.monotonic() - self.state.counters.seconds
         self.saved_at = self.state.counters.step or None
@@ -129,6 +133,7 @@ class Trainer:
         recipe, ranks = self.recipe, self.distribution
         whole = panel.rows(recipe.batch * ranks.world, derived_seed(recipe.seed, index, "rows"), draw)
         rows = ranks.own(whole)
+        panel.assignment.call = partial(self.graphs.project, index)
         fake = panel.assignment.project(x, rows, ranks.part(recipe.seed, draw, f"latents/{index}", whole))
         real, seen = panel.panel.batch(rows, fake.device).to(fake), fake
         if panel.augmentation is not None:
@@ -146,7 +151,7 @@ class Trainer:
             with self._autocast():
                 # One concatenated forward: batch statistics see both kinds of image, spectral vectors move once.
                 images = torch.cat([batch.real, batch.fake.detach()])
-                logits = batch.panel.discriminator(images, batch.head.repeat(2))
+                logits = self.graphs(batch.panel.discriminator, images, batch.head.repeat(2))
                 held_out = held_out_logits(batch.panel, recipe, draw, index, self.distribution)
             real, fake = logits.float().chunk(2)
             total = total + recipe.loss.discriminator(real, fake)
@@ -154,27 +159,36 @@ class Trainer:
             if held_out is not None:
                 adapt(batch.panel, (real, held_out, fake), progress, self.distribution)
             if penalise and recipe.penalty is not None:
-                rng = self.distribution.part(recipe.seed, draw, f"penalty/{index}")
-                found = recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)
+                found = self._penalty(recipe.penalty, batch, draw, index)
                 penalty = penalty + batch.panel.penalty_scale * found
         self._apply(state.discriminators, state.discriminator_optimiser, total + penalty)
         return {"loss_d": total.detach()} | ({"penalty": penalty.detach()} if penalise else {})
+
+    def _penalty(self, penalty: Penalty, batch: Batch, draw: int, index: int) -> Tensor:
+        """Return the gradient penalty of a panel."""
+        rng, module = self.distribution.part(self.recipe.seed, draw, f"penalty/{index}"), batch.panel.discriminator
+
+        def of(real: Tensor, fake: Tensor, head: Tensor) -> Tensor:
+            return penalty(lambda images: module(images, head), real, fake, rng)
+
+        inputs = batch.real, batch.fake.detach(), batch.head
+        known = replayable(penalty) and replayable(module)
+        return self.graphs.replayed("penalty", of, inputs, module) if known else of(*inputs)
 
     def _update_generator(self, x: Tensor, batches: list[Batch], progress: float) -> Tensor:
         recipe, state = self.recipe, self.state
         # The discriminators' own gradients are not needed here; without them the pass takes a third less.
         state.let_discriminators_learn(False)
         terms = []
-        for batch in batches:
+        for index, batch in enumerate(batches):
             self._check_stop()
             with self._autocast():
-                fake = batch.score(batch.fake)
+                fake = self.graphs(batch.panel.discriminator, batch.fake, batch.head)
             weight, matching = batch.panel.panel.weight, batch.panel.matching
             terms.append(Term(weight, recipe.loss.generator(batch.real_logits, fake.float()), batch.panel))
             if matching is not None and matching.due(state.counters.step):
-                terms.append(
-                    Term(weight * matching.weight_at(progress), matching(batch.seen, self.distribution.mean), matching)
-                )
+                found = matching(batch.seen, self.distribution.mean, partial(self.graphs.replayed, index))
+                terms.append(Term(weight * matching.weight_at(progress), found, matching))
         due = recipe.balance_every > 0 and state.counters.step % recipe.balance_every == 0
         unknown = recipe.balance_every > 0 and any(term.owner.gradient_norm == 0 for term in terms)
         measure = len(terms) > 1 and (due or unknown)
@@ -263,8 +277,9 @@ class Trainer:
     def _compiled(self) -> Callable[[Tensor], Tensor]:
         """Compile the generator if asked for and possible: torch needs a compiler on processors."""
         generator = self.state.generator
+        self.graphs.forget()
         possible = self.state.device.type == "cuda" or any(map(shutil.which, (os.environ.get("CXX", "g++"), "clang++")))
-        return torch.compile(generator) if self.recipe.compile and possible else generator
+        return torch.compile(generator) if self.recipe.compile and possible else partial(self.graphs, generator)
 
     def _autocast(self) -> torch.autocast:
         return torch.autocast(self.state.device.type, torch.bfloat16, enabled=self.recipe.precision == "bfloat16")
@@ -287,7 +302,3 @@ class Batch:
     def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor, seen: Tensor) -> None:
         self.panel, self.real, self.fake, self.head, self.rows, self.seen = panel, real, fake, head, rows, seen
         self.real_logits = torch.empty(0)
-
-    def score(self, images: Tensor) -> Tensor:
-        """Return the logits of one image a pair."""
-        return self.panel.discriminator(images, self.head)
