@@ -94,7 +94,7 @@ class Passes:
                 buffer.copy_(value)
 
     def _record(self, function: Callable[..., Tensor]) -> None:
-        # What sums up gradients of parameters belongs to the stream of the trials from now on; newer PyTorch warns of it.
+        # What sums up gradients of parameters is of the stream of the trials from now on; newer PyTorch warns of it.
         quiet = getattr(torch.autograd.graph, "set_warn_on_accumulate_grad_stream_mismatch", None)
         if quiet is not None:
             quiet(False)
