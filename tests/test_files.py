@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 
 import pytest
 
 from unproject import _files
 from unproject._files import atomic_path
+from unproject._types import UserError
 
 
 def test_writes_and_creates_parents(tmp_path):
@@ -59,3 +61,15 @@ def test_a_folder_of_that_name_is_not_replaced(tmp_path):
     with pytest.raises(OSError), atomic_path(tmp_path / "x.npz") as tmp:
         tmp.write_bytes(b"x")
     assert os.listdir(tmp_path) == ["x.npz"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders")
+def test_devices_and_pipes_are_not_replaced(tmp_path):
+    """A root user who wrote to /dev/null would leave all programs a file there."""
+    pipe, link = tmp_path / "pipe.png", tmp_path / "link.png"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    for final in (pipe, link):
+        with pytest.raises(UserError, match="device; give the name of a file"), atomic_path(final) as tmp:
+            tmp.write_bytes(b"new")
+    assert stat.S_ISFIFO(pipe.stat().st_mode) and sorted(os.listdir(tmp_path)) == ["link.png", "pipe.png"]

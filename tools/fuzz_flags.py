@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -36,6 +37,22 @@ SHORT = {
 """What keeps a good command from taking minutes; it comes first, so that a random flag may override it."""
 FIXED = ("steps", "minutes", "candidates", "starts")
 """Flags that may ask for hours of work, by right."""
+
+
+LONG, MANY, LARGE = ("--tune", "--discriminator-steps"), 10_000, ("shapes-paper",)
+"""Further flags that ask for hours where their value is large, and recipes of which a step may take a minute."""
+
+
+def asks_for_hours(words: list[str]) -> bool:
+    """Whether a command may take long by right.
+
+    Examples:
+        >>> asks_for_hours(["fit", "in", "--tune", "0", "--tune", "1e9"]), asks_for_hours(["train", "toy"])
+        (True, False)
+    """
+    given = [value for name, value in zip(words, words[1:]) if name in LONG]
+    numbers = [float(value) for value in given if re.fullmatch(r"[\d.]+(e\d+)?", value)]
+    return max(numbers, default=0) >= MANY or any(recipe in words[1:2] for recipe in LARGE)
 
 
 def of(rng: np.random.Generator, options: Any) -> Any:

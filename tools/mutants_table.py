@@ -4222,6 +4222,55 @@ PHOTOGRAPHED = (
     ),
 )
 
+ON_A_GPU = (
+    mutant("doubling weighs neighbours by 0.3", "ops/resampling.py",
+        "torch.lerp(x, before, 0.25)", "torch.lerp(x, before, 0.3)", "ops/test_on_a_gpu.py::test_doubling"),
+    mutant("doubling continues to the wrong border", "ops/resampling.py",
+        "after = torch.cat([x.narrow(side, 1, count - 1), x.narrow(side, count - 1, 1)], side)",
+        "after = torch.cat([x.narrow(side, 1, count - 1), x.narrow(side, 0, 1)], side)",
+        "ops/test_on_a_gpu.py::test_doubling"),
+    mutant("pixels outside of a picture count", "ops/resampling.py",
+        "(1 - (y - row).abs()) * inside", "(1 - (y - row).abs())", "ops/test_on_a_gpu.py::test_pictures_at_places"),
+    mutant("windows of textures on a GPU are other ones", "networks/textures.py",
+        "(self.taken if self.training else 0), 1) * places).long()",
+        "(self.taken + 1 if self.training else 0), 1) * places).long()",
+        "ops/test_on_a_gpu.py::test_windows_of_textures_and_statistics"),
+    mutant("averages over areas on a GPU are of one row", "ops/band_statistics.py",
+        "return rows @ x @ columns.T", "return rows.roll(1, 0) @ x @ columns.T",
+        "ops/test_on_a_gpu.py::test_windows_of_textures_and_statistics"),
+    mutant("a class derived from one that is replayable counts as replayable", "training/graphs.py",
+        'return "replayable" in vars(type(part)) and ', "return ", "training/test_graphs.py::test_who_says_so"),
+    mutant("a discriminator that groups by head says that it is replayable", "networks/discriminators.py",
+        "return not self.own and not self.spectral", "return not self.spectral",
+        "training/test_graphs.py::test_who_says_so"),
+    mutant("windows of textures wait for the GPU", "networks/textures.py",
+        "if x.is_cuda:  # where", "if False and x.is_cuda:  # where",
+        "training/test_graphs.py::test_discriminators_and_their_penalty"),
+    mutant("environments are moved to the device at each call", "projections/rendering.py",
+        "@lru_cache(maxsize=32)\ndef _placed", "def _placed",
+        "training/test_graphs.py::test_renderings_and_statistics"),
+)  # fmt: skip
+FINDINGS = (
+    mutant("a file takes the place of a device", "_files.py",
+        "if final.exists() and not final.is_file() and not final.is_dir():", "if False:",
+        "test_files.py::test_devices_and_pipes_are_not_replaced"),
+    mutant("a training that never began leaves a run directory", "training/loop.py",
+        "if distribution.leads and not state.counters.step:", "if False:",
+        "training/test_run_directory.py::test_a_training_that_never_begins_leaves_the_place_free"),
+    mutant("a training that broke off is removed", "training/loop.py",
+        "if distribution.leads and not state.counters.step:", "if distribution.leads:",
+        "training/test_run_directory.py::test_a_training_that_breaks_off_later_stays"),
+    mutant("a run that begins with weights is removed", "training/run_directory.py",
+        'if any((path / "checkpoints").iterdir()):', "if False:",
+        "training/test_run_directory.py::test_a_run_that_begins_with_weights_stays"),
+    mutant("of two numbers of processes the first is read too", "cli/_processes.py",
+        "given = value if equals else next(words)", "given = str(int(value if equals else next(words)))",
+        "cli/test_processes_flag.py"),
+    mutant("what is not finite is explained", "inversion/fitter.py",
+        "[: int(energy.isfinite().sum())]", "", "inversion/test_fitter.py"),
+)  # fmt: skip
+
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *OCCUPANCY,
@@ -4250,4 +4299,6 @@ MUTANTS: tuple[Mutant, ...] = (
     *COLLECTIONS,
     *STUDIO,
     *TRUST,
+    *ON_A_GPU,
+    *FINDINGS,
 )

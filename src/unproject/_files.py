@@ -33,8 +33,13 @@ def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
     Afterwards `final` is the new file, or unchanged. `tmp` is a hidden file in the same folder (created if missing)
     with the same suffix, since writers choose the format by the suffix. An exception in the block, or an error of the
     disk, removes `tmp` and propagates; one of the disk that names no file names `final`.
+
+    Raises:
+        UserError: if `final` is a device or a pipe, whose place a file would take: that of /dev/null for all programs.
     """
     final = Path(final)
+    if final.exists() and not final.is_file() and not final.is_dir():
+        raise UserError(f"{final}: is a pipe, a socket or a device; give the name of a file to write")
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.stem}.{secrets.token_hex(4)}.tmp{final.suffix}")
     try:

@@ -222,3 +222,10 @@ def test_one_projection_has_no_variance() -> None:
     )
     with pytest.raises(UserError, match="candidates=1: give at least 2"):
         Fitter(Seats(), one, Search(candidates=1, starts=1)).fit(torch.zeros(1, 1, 16, 16))
+
+
+def test_a_rate_that_leaves_nothing_finite_is_one_line() -> None:
+    viewing = seats()
+    _, pictures, _ = one_seat(viewing, [0.3, 1.2])
+    with pytest.raises(UserError, match="nothing that was found at a rate of 1e[+]30 is finite; give a lower --rate"):
+        Fitter(Seats(), viewing, Search(candidates=8, starts=2, steps=3, rate=1e30)).fit(pictures)

@@ -23,7 +23,7 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
-from unproject.ops import pyramids
+from unproject.ops import band_statistics, pyramids
 from unproject.projections import rendering
 
 DEVICE = torch.device("cuda:0")
@@ -34,8 +34,10 @@ INDEXED = {"index", "index_put", "index_put_", "_index_put_impl_", "_unsafe_inde
 """Operations whose first tensor may be on the device while indices are not."""
 UNSEEN = {"__deepcopy__", "new_tensor"}
 """Functions that make a tensor where their first one is, past all operations."""
-KEPT_ON_A_DEVICE = (pyramids._placed, rendering._placed)
+KEPT_ON_A_DEVICE = (band_statistics.area_matrix, pyramids._placed, rendering._placed)
 """Functions that keep tensors, of which another pretended device would not know."""
+CROSSED: list[str] = []
+"""Functions that moved something from one device to the other, so far."""
 OF_PROCESSOR = {"numpy", "data_ptr", "__array__"}
 
 
@@ -116,6 +118,8 @@ class Functions(TorchFunctionMode):
         if there and kwargs.get("generator") is not None:
             raise DeviceError(f"{name}: a generator of the processor draws for the device")
         made = func(*args, **kwargs, device=PROCESSOR)
+        if there and name in ("tensor", "as_tensor"):
+            CROSSED.append(name)
         return self.marked(made, there)
 
     def run(self, func: Any, *args: Any, **kwargs: Any) -> Any:
@@ -144,6 +148,7 @@ class Functions(TorchFunctionMode):
         moved = Tensor.to(x, *rest, **kwargs) if rest or kwargs else x
         if there == held:
             return moved
+        CROSSED.append(name)
         same = moved.untyped_storage()._cdata == x.untyped_storage()._cdata
         return self.marked(moved.clone() if same else moved, there)
 

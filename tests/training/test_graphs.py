@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import torch
-from pretended_device import pretended_device
+from pretended_device import CROSSED, pretended_device
 from torch import Tensor, nn
 from torch.utils._python_dispatch import TorchDispatchMode
 
@@ -62,14 +62,17 @@ DISCRIMINATORS: dict[str, Callable[[], nn.Module]] = {
 SHAPES = {"pictures": (1, 16, 16), "lines": (1, 16)}
 
 
-def same_operations(call: Callable[[int], Any]) -> None:
-    """Require that two calls, of different seeds, do the same, after one that may prepare what is kept."""
-    call(0)
+def same_operations(given: Callable[[int], tuple[Tensor, ...]], call: Callable[..., Any]) -> None:
+    """Require that two calls, of two seeds, do the same, after one that may prepare what is kept."""
+    call(*given(0))
     traces = []
     for seed in (1, 2):
+        inputs = given(seed)
+        CROSSED.clear()
         with Operations() as operations:
-            call(seed)
+            call(*inputs)
         traces.append(operations.seen)
+        assert not CROSSED  # what moves between devices cannot be recorded
     assert traces[0] == traces[1]
     assert not WAITS & {name for name, _ in traces[0]}
 
@@ -79,7 +82,10 @@ def test_generators(name: str) -> None:
     with pretended_device() as device:
         generator = GENERATORS[name]().to(device)
         assert replayable(generator)
-        same_operations(lambda seed: generator(generator.draw(4, generator_at(seed)).to(device)).sum().backward())
+        same_operations(
+            lambda seed: (generator.draw(4, generator_at(seed)).to(device),),
+            lambda code: generator(code).sum().backward(),
+        )
 
 
 @pytest.mark.parametrize("name", DISCRIMINATORS)
@@ -88,12 +94,14 @@ def test_discriminators_and_their_penalty(name: str) -> None:
         module, shape = DISCRIMINATORS[name]().to(device), SHAPES.get(name, (3, 16, 16))
         assert replayable(module)
 
-        def call(seed: int) -> None:
-            real, fake, head = (x.to(device) for x in (images(seed, *shape), images(seed + 9, *shape), heads(seed)))
+        def given(seed: int) -> tuple[Tensor, ...]:
+            return tuple(x.to(device) for x in (images(seed, *shape), images(seed + 9, *shape), heads(seed)))
+
+        def call(real: Tensor, fake: Tensor, head: Tensor) -> None:
             module(real, head).sum().backward()
             R1R2()(lambda x: module(x, head), real, fake, torch.Generator()).backward()
 
-        same_operations(call)
+        same_operations(given, call)
 
 
 @pytest.mark.parametrize("lighting", ["ambient", "directional", "coloured", "natural"])
@@ -104,19 +112,23 @@ def test_renderings_and_statistics(lighting: Any) -> None:
     assert replayable(look)
     with pretended_device() as device:
 
-        def call(seed: int) -> None:
+        def given(seed: int) -> tuple[Tensor, ...]:
             x = torch.rand(4, 8, 8, 8, generator=generator_at(seed)).to(device).requires_grad_()
-            theta = {name: value.to(device) for name, value in prior.sample(4, generator_at(seed)).items()}
-            band_statistics(look(x, **theta)).sum().backward()
+            return x, *(value.to(device) for value in prior.sample(4, generator_at(seed)).values())
 
-        same_operations(call)
+        def call(x: Tensor, *latents: Tensor) -> None:
+            band_statistics(look(x, **dict(zip(prior.names, latents, strict=True)))).sum().backward()
+
+        same_operations(given, call)
 
 
 def test_what_waits_or_branches_is_noticed() -> None:
     with pytest.raises(AssertionError):
-        same_operations(lambda seed: images(seed, 2).mean().item())
+        same_operations(lambda seed: (images(seed, 2),), lambda x: x.mean().item())
     with pytest.raises(AssertionError):
-        same_operations(lambda seed: images(seed, 2) * 2 if seed == 2 else images(seed, 2))
+        same_operations(lambda seed: (images(seed, 2),), lambda x: x * 2 if x.sum() > images(1, 2).sum() else x)
+    with pretended_device() as device, pytest.raises(AssertionError):
+        same_operations(lambda seed: (images(seed, 2).to(device),), lambda x: x + torch.ones(2).to(device))
 
 
 def test_who_says_so() -> None:

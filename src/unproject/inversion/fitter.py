@@ -192,7 +192,10 @@ class Fitter:
         with torch.no_grad():
             x = candidates.synthesise(state.v)
             energy = self._energy(state.v, candidates.distance(candidates.project(x, state.theta, len(of)), of.y))
-        order = energy.argsort()
+        order = energy.argsort()[: int(energy.isfinite().sum())]  # what is not finite comes last
+        if not len(order):
+            rate = f"{self.search.rate:g}"
+            raise UserError(f"fit: nothing that was found at a rate of {rate} is finite; give a lower --rate")
         state, x = state[order], x[order]
         if self.search.tune:
             x[:1] = self._tuned(x[:1], state[torch.tensor([0])], of)

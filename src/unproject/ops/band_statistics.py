@@ -16,6 +16,7 @@ References:
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -87,10 +88,17 @@ class Covariance(torch.autograd.Function):
 
 
 def _averaged(x: Tensor, height: int, width: int) -> Tensor:
-    """Average over areas; by whole pixels where they fit, whose gradient on a GPU adds in one order."""
-    if x.is_cuda and x.shape[2] % height == 0 and x.shape[3] % width == 0:
-        return F.avg_pool2d(x, (x.shape[2] // height, x.shape[3] // width))
-    return F.interpolate(x, (height, width), mode="area")
+    """Average over areas; on a GPU by products with matrices, whose gradients are added up in one order."""
+    if not x.is_cuda:
+        return F.interpolate(x, (height, width), mode="area")
+    rows, columns = (area_matrix(n, m, x.dtype, x.device) for n, m in zip(x.shape[2:], (height, width)))
+    return rows @ x @ columns.T
+
+
+@lru_cache(maxsize=64)
+def area_matrix(n: int, m: int, dtype: torch.dtype, device: torch.device) -> Tensor:
+    """Return the matrix (m, n) that averages n pixels over m areas."""
+    return F.adaptive_avg_pool1d(torch.eye(n)[None], m)[0].T.to(device, dtype)
 
 
 def _across(fine: Tensor, coarse: Tensor) -> Tensor:
