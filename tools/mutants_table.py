@@ -2043,22 +2043,22 @@ TRAINING = (
     mutant(
         "trainer: samples are scored by the wrong heads in the generator's update",
         "training/trainer.py",
-        "return self.panel.discriminator(images, self.head)",
-        "return self.panel.discriminator(images, self.head.flip(0))",
+        "fake = self.graphs(batch.panel.discriminator, batch.fake, batch.head)",
+        "fake = self.graphs(batch.panel.discriminator, batch.fake, batch.head.flip(0))",
         PAIRED,
     ),
     mutant(
         "trainer: the penalty sees generated images twice",
         "training/trainer.py",
-        "recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)",
-        "recipe.penalty(batch.score, batch.fake.detach(), batch.fake.detach(), rng)",
+        "inputs = batch.real, batch.fake.detach(), batch.head",
+        "inputs = batch.fake.detach(), batch.fake.detach(), batch.head",
         f"{TRAINER}::test_the_penalty_is_of_real_and_of_generated_images",
     ),
     mutant(
         "trainer: the penalty sees real images twice",
         "training/trainer.py",
-        "recipe.penalty(batch.score, batch.real, batch.fake.detach(), rng)",
-        "recipe.penalty(batch.score, batch.real, batch.real, rng)",
+        "inputs = batch.real, batch.fake.detach(), batch.head",
+        "inputs = batch.real, batch.real, batch.head",
         f"{TRAINER}::test_the_penalty_is_of_real_and_of_generated_images",
     ),
     mutant(
@@ -2442,8 +2442,8 @@ TRAINING = (
     mutant(
         "matching: all statistics have one unit",
         "adversarial/matching.py",
-        "s = (band_statistics(images.float()) - self.centre) / self.unit",
-        "s = band_statistics(images.float()) - self.centre",
+        "s = (call(band_statistics, (images.float(),)) - self.centre) / self.unit",
+        "s = call(band_statistics, (images.float(),)) - self.centre",
         MATCHING,
     ),
     mutant(
@@ -2812,8 +2812,8 @@ PHOTOGRAPHS = (
     mutant(
         "rays: learned windows have no gradient",
         "ops/ray_rules.py",
-        "or not fixed or not alike",
-        "or not alike",
+        "if not fixed or not alike",
+        "if not alike",
         "ops/test_ray_rules.py",
     ),
     mutant(
@@ -2903,8 +2903,8 @@ PHOTOGRAPHS = (
     mutant(
         "device: a filter stays on the processor",
         "ops/pyramids.py",
-        "binomial_filter(side).to(x)[::2]",
-        "binomial_filter(side)[::2]",
+        "binomial_filter(side, x)[::2]",
+        "binomial_filter(side, x.new_empty(0).cpu())[::2]",
         "training/test_pretended_device.py",
     ),
     mutant(
@@ -3175,8 +3175,8 @@ ANY_CLASS = (
     mutant(
         "joint: images are assigned by the predictor of the last step",
         "assignment/jointly_predicted.py",
-        "mean.lerp_(new, AVERAGED)",
-        "mean.copy_(new)",
+        "torch._foreach_lerp_(means, news, AVERAGED)",
+        "torch._foreach_copy_(means, news)",
         "assignment/test_jointly_predicted.py::test_images_are_assigned_by_the_average_of_predictors",
     ),
     mutant(
