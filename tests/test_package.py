@@ -19,11 +19,33 @@ OPS = ROOT / "src" / "unproject" / "ops"
 can_compile = pytest.mark.skipif(not _builds.can_compile(), reason="there is no compiler, or this is not Linux")
 
 
+FILES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE")
+
+
+def sources() -> list[str]:
+    files = subprocess.run(["git", "ls-files", "src"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name for name in files.stdout.split() if (ROOT / name).exists()]
+
+
 @pytest.fixture(scope="module")
-def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("kernels")
-    assert _builds.compile_all(OPS, folder)
-    return folder
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built of a copy, since setuptools writes beside what it builds."""
+    copy = tmp_path_factory.mktemp("copy")
+    for name in (*FILES, *sources()):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / name).write_bytes((ROOT / name).read_bytes())
+    pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run([*pip, "-w", str(copy / "dist"), str(copy)], check=True, capture_output=True)
+    (wheel,) = (copy / "dist").iterdir()
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def kernels(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("unpacked")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder / "unproject" / "ops" / "kernels"
 
 
 def sorted_names(folder: Path) -> list[str]:
@@ -70,21 +92,11 @@ def test_a_kernel_that_cannot_be_loaded_gives_way_to_the_next(kernels: Path, mon
     assert Path(_native._shipped("shading")._name).name == _builds.shipped_name("shading", "DEFAULT")
 
 
-def test_a_wheel_has_what_the_package_needs_and_nothing_else(tmp_path: Path) -> None:
-    """Built by a copy, since setuptools writes beside what it builds."""
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
-        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
-    files = subprocess.run(["git", "ls-files", "src"], cwd=ROOT, capture_output=True, text=True, check=True)
-    for name in files.stdout.split():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
-    pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
-    subprocess.run([*pip, "-w", str(tmp_path / "dist"), str(tmp_path)], check=True, capture_output=True)
-    (wheel,) = (tmp_path / "dist").iterdir()
+def test_a_wheel_has_what_the_package_needs_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
     packed = {f"src/{name}" for name in names if name.startswith("unproject/") and "/kernels/" not in name}
-    assert packed == {name for name in files.stdout.split() if (ROOT / name).exists()}
+    assert packed == set(sources())
     kernels = [name for name in names if "/kernels/" in name]
     assert bool(kernels) == _builds.can_compile() and wheel.name.startswith("unproject-") and "-py3-none-" in wheel.name
     assert any(name.endswith("licenses/NOTICE") for name in names)

@@ -37,11 +37,14 @@ def length(function: Function) -> int:
 def parameters(function: Function) -> int:
     """How many arguments a caller can give, `self` and `cls` left out.
 
-    A function that returns a `Recipe` is let off: its parameters are the experiment's configuration, each a flag
+    A kernel in Triton is let off, which takes what it needs one by one; and
+    a function that returns a `Recipe`: its parameters are the experiment's configuration, each a flag
     of `unproject train`, and hiding them in an object would only hide the flags. So are the keyword-only ones of a
     verb's `run(argument, /, *, ...)`.
     """
     if isinstance(function.returns, ast.Name) and function.returns.id == "Recipe":
+        return 0
+    if any(ast.unparse(decorator) == "triton.jit" for decorator in function.decorator_list):
         return 0
     verb = function.name == "run" and function.args.posonlyargs and not function.args.args
     flags = [] if verb else function.args.kwonlyargs

@@ -138,7 +138,7 @@ class MatchingState(nn.Module):
         """Return the loss of generated images (B, C, H, W), and take them into the moving means.
 
         `over_processes` returns the mean of a tensor over all processes, each of which has as many images;
-        `call(function, inputs)` returns function(*inputs).
+        `call(function, inputs)` returns `function(*inputs)`.
         """
         s = (call(band_statistics, (images.float(),)) - self.centre) / self.unit
         now = torch.stack([s.mean(0), s.square().mean(0)])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import torch
 from torch import Tensor, nn
@@ -27,6 +27,9 @@ from .assigned import Assigned, smallest
 from .context import Context
 from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
+
+Call: TypeAlias = Callable[..., Tensor]
+CALL: Call = Projection.__call__
 
 
 class Assignment(ABC):
@@ -81,8 +84,7 @@ class Panel:
 
     Raises:
         UserError: if a learned latent is none of the projection's, or named twice; if observations differ in their
-            projections, collections in the shape of their items, or their
-            numbers do not match; for a weight or a scale that is not positive.
+            projections, or collections in the shape of their items or their number; for a weight that is not positive.
 
     Examples:
         >>> import unproject as up
@@ -122,10 +124,8 @@ class Panel:
         if len({c.shape for c in (*self.collections, *held_out)}) > 1:
             raise UserError(f"panel of {names}: its images differ in size; give each size a panel of its own")
         object.__setattr__(self, "learned", tuple(self.learned))
-        taken, learned = (
-            {*self.projection.latents, *self.projection.optional_latents},
-            [one.name for one in self.learned],
-        )
+        taken = {*self.projection.latents, *self.projection.optional_latents}
+        learned = [one.name for one in self.learned]
         if not taken.issuperset(learned) or len(set(learned)) < len(learned):
             raise UserError(
                 f"panel of {names}: learned={learned}: give latents of the projection, {sorted(taken)}, once each"
@@ -167,21 +167,14 @@ class Panel:
         return images
 
     def project(
-        self,
-        x: Tensor,
-        views: Tensor,
-        rng: torch.Generator,
-        learned: LearnedLatents | None = None,
-        call: Callable[..., Tensor] | None = None,
+        self, x: Tensor, views: Tensor, rng: torch.Generator, learned: LearnedLatents | None = None, call: Call = CALL
     ) -> Tensor:
         """Return y_b = P(x_b, θ_b), θ_b ~ p_i with i = views[b], by one call of the shared projection.
 
         Args:
-            x: (B, ...).
             views: (B,); or those of the whole batch, if `rng` is that of one process among several.
-            rng: the source of draws.
             learned: draws those latents whose distribution is learned, in place of the priors.
-            call: calls the projection with x and latents (default: as it is).
+            call: calls the projection, its first argument; the trainer may have something faster.
         """
         source, count, own = shared_draws(rng, len(x))
         if len(views) != count:  # views of this process's part alone
@@ -189,8 +182,7 @@ class Panel:
         priors = [observation.prior for observation in self.observations]
         theta = sample_each(priors, views, source) if priors[0].names else {}
         theta |= learned.draw(len(views), source) if learned else {}
-        exactly = {name: exact(value[own], x) for name, value in theta.items()}
-        return self.projection(x, **exactly) if call is None else call(self.projection, x, **exactly)
+        return call(self.projection, x, **{name: exact(value[own], x) for name, value in theta.items()})
 
 
 class AssignmentState(Assigned):
@@ -202,7 +194,6 @@ class AssignmentState(Assigned):
         held_out_heads: (M,) the head for each image that is held out, if the panel has such; at first 0.
         learned: the latents whose distribution is learned, if the panel has such.
         fixes_gauge: whether views are known, so that samples come out in the frame of the data.
-        call: calls the projection with x and latents, if the trainer has something faster.
 
     Examples:
         >>> import torch, unproject as up
@@ -223,11 +214,10 @@ class AssignmentState(Assigned):
         if panel.held_out is not None:
             self.register_buffer("held_out_heads", torch.zeros(len(panel.held_out), dtype=smallest(head_count)))
         self.learned = LearnedLatents(panel.learned) if panel.learned else None
-        self.call: Callable[..., Tensor] | None = None
+        self.call: Call = CALL
 
     def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
         """Return projections of samples x (B, ...), each paired with the image of one of `rows` (B,)."""
-        # Gradients are off where only discriminators are updated.
         return self.observe(x, self.views[rows_of_all(rng, rows)].long(), rng)
 
     def observe(self, x: Tensor, views: Tensor, rng: torch.Generator) -> Tensor:

@@ -32,11 +32,11 @@ class Graphs:
         self._passes: dict[Hashable, Passes] = {}
 
     def __call__(self, module: nn.Module, *inputs: Tensor) -> Tensor:
-        """Return module(*inputs)."""
+        """Return `module(*inputs)`."""
         return self.replayed("module", module, inputs, module) if replayable(module) else module(*inputs)
 
     def project(self, place: int, projection: Projection, x: Tensor, **latents: Tensor) -> Tensor:
-        """Return projection(x, **latents) at one of several places."""
+        """Return `projection(x, **latents)` at one of several places."""
         if not replayable(projection):
             return projection(x, **latents)
         names = tuple(latents)
@@ -53,7 +53,7 @@ class Graphs:
         inputs: tuple[Tensor, ...],
         module: nn.Module | None = None,
     ) -> Tensor:
-        """Return function(*inputs), which is replayable, and uses the parameters and buffers of a module."""
+        """Return `function(*inputs)`, which is replayable, and uses the parameters and buffers of a module."""
         if not (ENABLED and inputs[0].is_cuda and torch.cuda.is_available()):
             return function(*inputs)
         parameters = [] if module is None else [p for p in module.parameters() if p.requires_grad]
