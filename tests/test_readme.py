@@ -106,6 +106,8 @@ def shortened(command: str) -> str:
     verb = verb_of(command)
     command = re.sub(r"--(minutes|steps|batch) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
+    if verb == "export" and re.search("--to (png|gif)", command):  # meshes are made of all that is drawn
+        command = re.sub(r"--n \d+", "", command) + " --n 2"
     command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
     fewer = " --maps 8 --renderings 4" if re.search("train (wood|metal|plastic|fabric) (?!--data)", command) else ""
     more = {
