@@ -4252,7 +4252,7 @@ ON_A_GPU = (
 )  # fmt: skip
 FINDINGS = (
     mutant("a file takes the place of a device", "_files.py",
-        "if final.exists() and not final.is_file() and not final.is_dir():", "if False:",
+        "if path.exists() and not path.is_file() and not path.is_dir():", "if False:",
         "test_files.py::test_devices_and_pipes_are_not_replaced"),
     mutant("a training that never began leaves a run directory", "training/loop.py",
         "if distribution.leads and not state.counters.step:", "if False:",

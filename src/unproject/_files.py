@@ -38,8 +38,7 @@ def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
         UserError: if `final` is a device or a pipe, whose place a file would take: that of /dev/null for all programs.
     """
     final = Path(final)
-    if final.exists() and not final.is_file() and not final.is_dir():
-        raise UserError(f"{final}: is a pipe, a socket or a device; give the name of a file to write")
+    check_replaceable(final)
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.stem}.{secrets.token_hex(4)}.tmp{final.suffix}")
     try:
@@ -66,6 +65,16 @@ def _synchronise(path: Path, mode: int = os.O_RDWR) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse to write where a pipe, a socket or a device is.
+
+    Raises:
+        UserError: if one is there.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise UserError(f"{path}: is a pipe, a socket or a device; give the name of a file to write")
 
 
 def check_regular(path: str | os.PathLike[str]) -> None:

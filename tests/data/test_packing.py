@@ -181,3 +181,11 @@ def test_names_of_skipped_files_are_printed_as_one_line(masks: Path, capsys: pyt
 def test_a_recipe_that_is_not_there_is_refused(masks: Path, action: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["data", action, str(masks), "--for", "digts", "--size", "28"]) == 2
     assert "digts" in capsys.readouterr().err and not list(masks.parent.glob("*.npz"))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders")
+def test_a_pipe_is_not_replaced(masks: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.npz")
+    with pytest.raises(UserError, match="device; give the name of a file"):
+        pack(masks, tmp_path / "pipe.npz", How(16))
+    assert [path.name for path in tmp_path.glob("*.npz")] == ["pipe.npz"]

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._files import atomic_path
+from .._files import atomic_path, check_replaceable
 from .._types import UserError
 from .readers.found import check_size
 from .readers.how import How
@@ -59,6 +59,7 @@ def pack(path: Path, out: Path, how: How, report: Callable[[int, int], None] = l
     check_size(path, how.size)
     if out.suffix != ".npz":
         raise UserError(f"{out}: a pack is an .npz; give --out a name that ends in .npz")
+    check_replaceable(out)
     files = picture_files(path, (*SUFFIXES, *UNREAD))
     parts = out.with_name(f".{out.name}.{_identity(path, files, how)}.parts")
     starts = range(0, len(files), PART)
