@@ -26,9 +26,13 @@ class Graphs:
     What is replayable says so: its result depends on its inputs, parameters and buffers alone, in the same operations
     whatever their values, of which none waits for the processor. A result, and its gradients, are overwritten by the
     next call from the same place with inputs of the same shapes: a step uses each before that.
+
+    Args:
+        enabled: whether anything is replayed; not where passes wait for other processes.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, enabled: bool = True) -> None:
+        self.enabled = enabled
         self._passes: dict[Hashable, Passes] = {}
 
     def __call__(self, module: nn.Module, *inputs: Tensor) -> Tensor:
@@ -54,7 +58,7 @@ class Graphs:
         module: nn.Module | None = None,
     ) -> Tensor:
         """Return `function(*inputs)`, which is replayable, and uses the parameters and buffers of a module."""
-        if not (ENABLED and inputs[0].is_cuda and torch.cuda.is_available()):
+        if not (ENABLED and self.enabled and inputs[0].is_cuda and torch.cuda.is_available()):
             return function(*inputs)
         parameters = [] if module is None else [p for p in module.parameters() if p.requires_grad]
         kind = module, module is not None and module.training, bool(parameters), _cast()

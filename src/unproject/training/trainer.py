@@ -65,7 +65,7 @@ class Trainer:
         self.distribution = distribution or Distribution()
         self.state = state or State(recipe, self.distribution.device)
         self.asked_to_stop = stopping
-        self.graphs = Graphs()
+        self.graphs = Graphs(enabled=recipe.normalise_over != "processes")
         self.forward = self._compiled()
         self.began = time.monotonic() - self.state.counters.seconds
         self.saved_at = self.state.counters.step or None
