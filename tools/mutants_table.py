@@ -4240,6 +4240,8 @@ ON_A_GPU = (
         "ops/test_on_a_gpu.py::test_windows_of_textures_and_statistics"),
     mutant("a class derived from one that is replayable counts as replayable", "training/graphs.py",
         'return "replayable" in vars(type(part)) and ', "return ", "training/test_graphs.py::test_who_says_so"),
+    mutant("passes that wait for other processes are replayed", "training/trainer.py",
+        'Graphs(enabled=recipe.normalise_over != "processes")', "Graphs()", "training/test_graphs.py"),
     mutant("a discriminator that groups by head says that it is replayable", "networks/discriminators.py",
         "return not self.own and not self.spectral", "return not self.spectral",
         "training/test_graphs.py::test_who_says_so"),

@@ -6,6 +6,7 @@ Whether a replay gives what the call gives is tested on a GPU (tests/gpu).
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ import torch
 from pretended_device import CROSSED, pretended_device
 from torch import Tensor, nn
 from torch.utils._python_dispatch import TorchDispatchMode
+from toy import toy
 
 from unproject import networks
 from unproject._random import generator_at
@@ -20,6 +22,8 @@ from unproject.adversarial.penalties import R1R2, GradientPenalty
 from unproject.ops.band_statistics import band_statistics
 from unproject.projections.rendering import Rendering, rendering_prior
 from unproject.training.graphs import Graphs, replayable
+from unproject.training.recorder import Recorder
+from unproject.training.trainer import Trainer
 
 WAITS = {"aten._local_scalar_dense.default", "aten.nonzero.default", "aten.is_nonzero.default"}
 
@@ -145,3 +149,10 @@ def test_on_the_processor_all_is_called() -> None:
     graphs, module = Graphs(), DISCRIMINATORS["pictures"]()
     x, head = images(0, 1, 16, 16), heads(0)
     assert torch.equal(graphs(module, x, head), module(x, head)) and not graphs._passes
+
+
+@pytest.mark.parametrize(("over", "enabled"), [(None, True), ("processes", False)])
+def test_passes_that_wait_for_other_processes_are_not_replayed(over: Any, enabled: bool, tmp_path: Path) -> None:
+    with Recorder(tmp_path, quiet=True) as recorder:
+        trainer = Trainer(toy(steps=1, views="known").replace(normalise_over=over), tmp_path, recorder)
+        assert trainer.graphs.enabled == enabled
