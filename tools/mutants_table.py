@@ -4268,6 +4268,9 @@ FINDINGS = (
     mutant("of two numbers of processes the first is read too", "cli/_processes.py",
         "given = value if equals else next(words)", "given = str(int(value if equals else next(words)))",
         "cli/test_processes_flag.py"),
+    mutant("materials are taken for silhouettes without a word", "recipes/shape_panels.py",
+        "if data is not None and by_reader and holds_materials(data):", "if False:",
+        "recipes/test_cropped_pictures.py::test_a_folder_that_is_named_as_materials_are_is_warned_of"),
     mutant("what is not finite is explained", "inversion/fitter.py",
         "[: int(energy.isfinite().sum())]", "", "inversion/test_fitter.py"),
 )  # fmt: skip

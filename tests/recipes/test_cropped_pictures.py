@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -133,3 +134,13 @@ def test_pictures_of_nothing_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "black.npz", masks=np.zeros((6, 16, 16), np.uint8))
     with pytest.raises(UserError, match="black.npz: no picture has anything above 0.5"):
         shapes(data=tmp_path / "black.npz", **SMALL)
+
+
+def test_a_folder_that_is_named_as_materials_are_is_warned_of(masks: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shapes(data=masks, **SMALL)
+    for number, name in enumerate(("Color", "Roughness", "NormalGL")):
+        sorted(masks.glob("*.png"))[number].rename(masks / f"Wood_{name}.png")
+    with pytest.warns(UserWarning, match="is named as materials are.*data inspect.*train wood"):
+        shapes(data=masks, **SMALL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,7 +16,7 @@ from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid, Varied
 from ..assignment import LearnedLatent, Panel, Predicted
-from ..data import Collection, chairs, mapped, observe, plane_of_symmetry, read, with_flips
+from ..data import Collection, chairs, holds_materials, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.framing import common_fill, common_height
@@ -93,6 +94,12 @@ def pictures_of(
     if not bool((some > 0.5).any()):
         raise UserError(f"{collection.source}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
     by_reader = data is not None and Path(data).is_dir()
+    if data is not None and by_reader and holds_materials(data):
+        warnings.warn(
+            f"{data}: is named as materials are; shapes take each picture for a silhouette. See unproject data inspect "
+            f"{data}, and train wood, metal or plastic",
+            stacklevel=2,
+        )
     if not by_reader and common_fill(some) is None:
         return collection, observations
     cropped = Cropped(silhouette, common_height(some))
