@@ -25,7 +25,7 @@ from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
 from unproject.recipes import names
 from unproject.recipes.held_out import held_out
-from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, observation_of
+from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, natural_light, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.testing import check_prior, check_projection
 from unproject.training import Origin, Recipe, resume, train
@@ -368,3 +368,10 @@ def test_photographs_are_standardised_before_they_are_compared(tmp_path: Path) -
     several = wood_materials(observations=("diffuse", "flash"), maps=4, renderings=4, **TOY)
     with pytest.raises(UserError, match="may be pictures of any of diffuse, flash"):
         train(several, tmp_path / "several", quiet=True).evaluate(trained_on, n=4)
+
+
+def test_probes_that_light_nothing_are_warned_of(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="not read, as no observation is lit by them"):
+        assert natural_light(["diffuse", "flash"], tmp_path / "missing") is None
+    with pytest.raises(UserError, match="missing"):
+        natural_light(["top"], tmp_path / "missing")

@@ -201,6 +201,10 @@ def _first(items: Tensor, count: int, seed: int) -> Tensor:
 def natural_light(names: Sequence[str], probes: Path | None, height: int = 32) -> Tensor | None:
     """Return environments (K, 3, height, 2 height): those of a path, or procedural ones; None if none is needed."""
     if not NATURAL_LIGHT & set(names):
+        if probes is not None:
+            warnings.warn(
+                f"probes {probes}: not read, as no observation is lit by them; see observations", stacklevel=2
+            )
         return None
     return procedural_probes(height)[0] if probes is None else read_probes(probes, height)[0]
 
