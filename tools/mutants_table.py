@@ -4274,9 +4274,9 @@ FINDINGS = (
     mutant("probes that light nothing are left out without a word", "recipes/material_panels.py",
         "if probes is not None:\n            warnings", "if False:\n            warnings",
         "recipes/test_materials.py::test_probes_that_light_nothing_are_warned_of"),
-    mutant("a ceiling of nothing is left out without a word", "training/evaluation.py",
-        "    if ceiling:\n", "    if False:\n",
-        "training/test_evaluation.py::test_a_ceiling_of_what_was_not_predicted_is_warned_of"),
+    mutant("a ceiling of nothing is left out without a word", "cli/evaluate.py",
+        'if ceiling and "view_ceiling_exact" not in scores:', "if False:",
+        "cli/test_chain.py::test_a_ceiling_of_what_was_not_predicted_is_warned_of"),
     mutant("what is not finite is explained", "inversion/fitter.py",
         "[: int(energy.isfinite().sum())]", "", "inversion/test_fitter.py"),
 )  # fmt: skip

@@ -320,3 +320,12 @@ def test_a_budget_that_is_spent_is_said(tmp_path: Path, capsys: pytest.CaptureFi
     capsys.readouterr()
     assert main(["resume", str(run), "--quiet"]) == 0
     assert "its budget was spent already: give a larger --steps or --minutes" in capsys.readouterr().out
+
+
+def test_a_ceiling_of_what_was_not_predicted_is_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = str(tmp_path / "run")
+    assert main(["train", f"{TOY}:toy", "--views", "known", "--steps", "1", "--quiet", "--out", run]) == 0
+    capsys.readouterr()
+    words = ["evaluate", run, "--trust", "--n", "4"]
+    assert main([*words, "--ceiling"]) == 0 and "warning: --ceiling: there is no ceiling" in capsys.readouterr().err
+    assert main(words) == 0 and "ceiling" not in capsys.readouterr().err

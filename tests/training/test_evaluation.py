@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +19,7 @@ from unproject.metrics import Gauge
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import Run, load, train
 from unproject.training.distribution import Distribution
-from unproject.training.evaluation import estimated_view_scores, supervised_ceiling, true_views
+from unproject.training.evaluation import supervised_ceiling, true_views
 from unproject.training.fitted_pictures import Frame
 from unproject.training.fitting import of_different_kinds
 
@@ -217,11 +216,3 @@ def test_the_frame_of_a_run_is_told_by_known_views_of_training(run: Run, monkeyp
     assert Frame.of(run.domain, [state], state) == Frame("azimuth")
     monkeypatch.setattr(state, "fixes_gauge", True)
     assert Frame.of(run.domain, [state], state) == Frame()
-
-
-def test_a_ceiling_of_what_was_not_predicted_is_warned_of() -> None:
-    with pytest.warns(UserWarning, match="there is no ceiling"):
-        assert estimated_view_scores(Volumes(), [], ceiling=True) == {}
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert estimated_view_scores(Volumes(), []) == {}

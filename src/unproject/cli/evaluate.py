@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+import sys
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -70,6 +71,9 @@ def run(
     else:
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
+    if ceiling and "view_ceiling_exact" not in scores:
+        none = "there is no ceiling but of predicted views, of pictures whose views are known"
+        print(f"warning: --ceiling: {none}", file=sys.stderr)
     verdict = verdict_of(opened, seed)
     if json:
         all_scores = scores | (verdict.scores() if verdict else {})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -103,10 +102,6 @@ def estimated_view_scores(
             rows, estimated, true = found
             best = supervised_ceiling(domain, state.panel, true, seed, rows=rows) if ceiling else None
             return view_scores(accuracy_of(domain, state.panel, estimated[rows], true[rows]), best, seed)
-    if ceiling:
-        warnings.warn(
-            "there is no ceiling: it is of views that were predicted, of pictures whose views are known", stacklevel=2
-        )
     return {}
 
 
