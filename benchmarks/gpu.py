@@ -1,6 +1,6 @@
 """What a step of each recipe and each operator costs on a GPU.
 
-    python benchmarks/gpu.py                       # all: about four minutes on an H100
+    python benchmarks/gpu.py                       # all
     python benchmarks/gpu.py --only shapes wood    # steps of these recipes
     python benchmarks/gpu.py --only operators
 
