@@ -70,6 +70,7 @@ campaign: install
 	OMP_NUM_THREADS=1 $(BIN)/python tools/fuzz.py --campaign --n $(INPUTS) --jobs $(WORKERS) || echo 'unproject: there are findings, see above'
 	OMP_NUM_THREADS=1 $(BIN)/python tools/kills.py --campaign --n $(KILLS) || echo 'unproject: something was lost, see above'
 	OMP_NUM_THREADS=1 $(BIN)/python tools/conditions.py || echo 'unproject: a condition has another word, see above'
+	OMP_NUM_THREADS=1 $(BIN)/python tools/soak.py || echo 'unproject: memory grew, see above'
 	$(BIN)/python tools/campaign_page.py
 
 # A source archive and a wheel with compiled kernels, in dist/. auditwheel looks which glibc the kernels need, and names the

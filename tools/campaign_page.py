@@ -1,4 +1,4 @@
-"""Write docs/campaign.md of what `fuzz.py`, `kills.py` and `conditions.py` recorded in tools/campaign."""
+"""Write docs/campaign.md of what `fuzz.py`, `kills.py`, `conditions.py` and `soak.py` recorded in tools/campaign."""
 
 from __future__ import annotations
 
@@ -40,10 +40,18 @@ CONDITIONS = """
 
 What a command says where the system is against it (`python tools/conditions.py`), shortened.
 """
+SOAK = """
+## An hour of training
+
+Each recipe at toy size for an hour, all at once (`python tools/soak.py`): anonymous resident memory, the median of the
+first, second, sixth and last tenth of the time. The last may be at most 5 % above the second; the first is for what is
+allocated once, and for tries.
+"""
 
 
 def main() -> None:
     parts = [INTRODUCTION.format(asked=asked(), commits=commits()), inputs(), KILLS, kills(), CONDITIONS, conditions()]
+    parts += [SOAK, soaks()]
     (ROOT / "docs" / "campaign.md").write_text("\n".join(part for part in parts if part), encoding="utf-8")
 
 
@@ -101,6 +109,15 @@ def conditions() -> str:
         "condition | status | said |".rstrip(" |"),
         [[c["name"].replace("|", "\\|"), c["status"], said(c)] for c in found],
     )
+
+
+def soaks() -> str:
+    rows = []
+    for one in stored("soak.json"):
+        held = one["megabytes"]
+        shown = [f"{held[k]:.0f}" for k in (0, 1, 5, 9)]
+        rows.append([one["recipe"], one["steps"], *shown, f"{held[9] / held[1] - 1:+.1%}", one["said"] or one["commit"]])
+    return table("recipe | steps | first tenth, MB | second | sixth | last | grown since the second | commit", rows)
 
 
 def said(condition: dict[str, Any]) -> str:

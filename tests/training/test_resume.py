@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -126,6 +128,19 @@ def test_a_torn_last_line_is_dropped(whole: Path, tmp_path: Path) -> None:
         file.write('{"step": 6, "seco')
     resume(tmp_path, RECIPE, quiet=True)
     assert stats(tmp_path) == stats(whole)
+
+
+def test_a_clock_that_jumps(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Back and forth by a year, as after a wrong date was set: neither numbers nor a run's seconds take notice."""
+    clock, calls = time.time, iter(range(1_000_000))
+    monkeypatch.setattr(time, "time", lambda: clock() + 3e7 * (-1) ** next(calls))
+    monkeypatch.setattr(trainer, "EVERY", 2)
+    train(RECIPE, tmp_path / "run", quiet=True)
+    checkpoint.newest(tmp_path / "run" / "checkpoints").unlink()
+    resume(tmp_path / "run", RECIPE, quiet=True)
+    assert not differences(whole, tmp_path / "run")
+    seconds = [json.loads(line)["seconds"] for line in (tmp_path / "run" / "stats.jsonl").read_text().splitlines()]
+    assert seconds == sorted(seconds) and 0 < seconds[-1] < 600
 
 
 def test_a_finished_run_resumes_to_itself(whole: Path) -> None:
