@@ -116,7 +116,8 @@ def soaks() -> str:
     for one in stored("soak.json"):
         held = one["megabytes"]
         shown = [f"{held[k]:.0f}" for k in (0, 1, 5, 9)]
-        rows.append([one["recipe"], one["steps"], *shown, f"{held[9] / held[1] - 1:+.1%}", one["said"] or one["commit"]])
+        ended = one["said"] or one["commit"]
+        rows.append([one["recipe"], one["steps"], *shown, f"{held[9] / held[1] - 1:+.1%}", ended])
     return table("recipe | steps | first tenth, MB | second | sixth | last | grown since the second | commit", rows)
 
 

@@ -92,11 +92,11 @@ def soak(folder: Path, names: list[str], minutes: float) -> list[Soak]:
 
 
 def begin(out: Path, name: str, minutes: float) -> subprocess.Popen[bytes]:
-    words = f"train {name} {RECIPES[name]} --steps 100000000 --minutes {minutes} --checkpoint-every 500 --threads 1 --quiet"
+    words = f"train {name} {RECIPES[name]} --steps 100000000 --minutes {minutes} --checkpoint-every 500"
     alone = {**os.environ, "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     with out.with_suffix(".txt").open("wb") as said:
         return subprocess.Popen(
-            [sys.executable, "-m", "unproject", *words.split(), "--out", str(out)],
+            [sys.executable, "-m", "unproject", *words.split(), "--threads", "1", "--quiet", "--out", str(out)],
             stdout=subprocess.DEVNULL,
             stderr=said,
             env=alone,
