@@ -2929,6 +2929,20 @@ PHOTOGRAPHS = (
         "ops/test_straight_rays.py",
     ),
     mutant(
+        "kernels: memory that is used up passes for a result",
+        "ops/_native.py",
+        "    if status:\n",
+        "    if False:\n",
+        "ops/test_native.py::test_a_kernel_without_memory_raises",
+    ),
+    mutant(
+        "collections: azimuths in another spelling are ignored",
+        "data/readers/arrays.py",
+        '("azimuth", "azimuths")',
+        '("azimuth",)',
+        "data/readers/test_arrays.py::test_known_views_in_other_spellings_are_not_ignored",
+    ),
+    mutant(
         "kernels: the last part of a batch is left out",
         "ops/_native.py",
         "part(start, min(start + few, count))",

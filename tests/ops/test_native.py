@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from unproject.ops import _native
+from unproject.ops import _native, ray_rules, straight_rays
 from unproject.ops.line_integrals import strip_integrals_native, strip_integrals_sparse
 
 
@@ -76,3 +77,33 @@ def test_a_machine_without_a_home_has_no_kernels(monkeypatch: pytest.MonkeyPatch
     _native._library.cache_clear()
     assert _native.kernel("line_integrals", "project_float") is None
     _native._library.cache_clear()
+
+
+LONG = 10**6
+"""A side of a volume of 10¹⁸ cells: more bytes than any machine addresses."""
+
+
+@pytest.mark.parametrize("kind", ["float", "double"])
+@pytest.mark.parametrize(
+    ("source", "name", "job"),
+    [
+        ("ray_rules", "any_forward", ray_rules.Job(x=LONG, y=LONG, z=LONG)),
+        ("ray_rules", "sum_back", ray_rules.Job(x=LONG, y=LONG, z=LONG)),
+        ("straight_rays", "spread", straight_rays.Job(x=LONG, y=LONG, z=LONG)),
+    ],
+)
+def test_a_kernel_without_memory_raises(source: str, name: str, kind: str, job: ctypes.Structure) -> None:
+    """It would end the process: no exception passes through C. A batch of none reads no tensor."""
+    call = _native.kernel(source, f"{name}_{kind}")
+    if call is None:
+        pytest.skip("there is no compiler")
+    with pytest.raises(MemoryError, match="memory is used up"):
+        call(ctypes.byref(job))
+
+
+def test_lines_without_memory_raise() -> None:
+    call = _native.kernel("line_integrals", "project_float")
+    if call is None:
+        pytest.skip("there is no compiler")
+    with pytest.raises(MemoryError, match="memory is used up"):
+        call(None, None, None, None, *map(ctypes.c_int64, (0, 1, 1, LONG**3, LONG**3)))

@@ -33,7 +33,7 @@ SHIPPED = Path(__file__).parent / "kernels"
 
 
 def kernel(source: str, name: str) -> Callable[..., None] | None:
-    """Return the C function `name` of ops/SOURCE.cpp, or None."""
+    """Return the C function `name` of ops/SOURCE.cpp, or None; it raises MemoryError where memory is used up."""
     library = _library(source) if os.environ.get("UNPROJECT_NATIVE", "1") != "0" else None
     return None if library is None else getattr(library, name)
 
@@ -71,6 +71,20 @@ def divided(count: int, part: Callable[[int, int], None]) -> None:
         list(pool.map(lambda start: part(start, min(start + few, count)), starts))
 
 
+class _Kernels(ctypes.CDLL):
+    """Functions that return 0, or 1 where memory was used up: no exception passes through C (`status.h`)."""
+
+    def __getitem__(self, name_or_ordinal: Any) -> Any:
+        function = super().__getitem__(name_or_ordinal)
+        function.errcheck = _checked
+        return function
+
+
+def _checked(status: Any, function: Any, arguments: Any) -> Any:
+    if status:
+        raise MemoryError(f"{function.__name__}: memory is used up")
+
+
 @cache
 def _library(source: str) -> Any:
     return _shipped(source) or _compiled(source)
@@ -82,7 +96,7 @@ def _shipped(source: str) -> Any:
     capability = torch.backends.cpu.get_cpu_capability()
     for name in reversed(known[: known.index(capability) + 1] if capability in known else known[:1]):
         try:
-            return ctypes.CDLL(str(SHIPPED / _builds.shipped_name(source, name)))
+            return _Kernels(str(SHIPPED / _builds.shipped_name(source, name)))
         except OSError:  # not there, or of another system
             continue
     return None
@@ -106,7 +120,7 @@ def _built(compiler: str, source: Path, flags: tuple[str, ...]) -> Any:
         if not target.exists():
             with atomic_path(target) as temporary:
                 _builds.compile_kernel(compiler, source, temporary, flags)
-        return ctypes.CDLL(str(target))
+        return _Kernels(str(target))
     except (OSError, subprocess.SubprocessError, RuntimeError):  # the last of a machine without a home
         return None
 

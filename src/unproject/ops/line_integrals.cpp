@@ -11,6 +11,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "status.h"
+
 // Vectors of gathered elements are slower here than one element after another.
 #if defined(__GNUC__) && !defined(__clang__)
 #define SCALAR __attribute__((optimize("no-tree-vectorize")))
@@ -139,14 +141,16 @@ using TWO = std::integral_constant<int32_t, 2>;
 
 }  // namespace
 
-#define EXPORT(NAME, T, BACK)                                                                                  \
-    extern "C" void NAME(T* image, const T* cosine, const T* sine, T* out, int64_t batch, int64_t channels,   \
-                         int64_t height, int64_t width, int64_t bins) {                                        \
-        const int32_t borders = int32_t(std::floor(std::sqrt(2.0) * double(bins) / double(width))) + 1;       \
-        if (borders == 2)                                                                                      \
-            project<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, TWO());              \
-        else                                                                                                   \
-            project<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, borders);            \
+#define EXPORT(NAME, T, BACK)                                                                                     \
+    extern "C" int NAME(T* image, const T* cosine, const T* sine, T* out, int64_t batch, int64_t channels,       \
+                        int64_t height, int64_t width, int64_t bins) {                                            \
+        const int32_t borders = int32_t(std::floor(std::sqrt(2.0) * double(bins) / double(width))) + 1;          \
+        return status_of([=] {                                                                                    \
+            if (borders == 2)                                                                                     \
+                project<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, TWO());         \
+            else                                                                                                  \
+                project<T, BACK>(image, cosine, sine, out, batch, channels, height, width, bins, borders);       \
+        });                                                                                                       \
     }
 
 EXPORT(project_float, float, false)

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "status.h"
+
 // All that a loop over heights writes is apart from what it reads, which compilers cannot know.
 #define APART _Pragma("GCC ivdep")
 
@@ -201,9 +203,9 @@ void run(const Job& job) {
 }  // namespace
 
 #define RULE(name, rule, T, kind)                                                          \
-    extern "C" void name##_forward_##kind(const Job* job) { run<T, rule, FORWARD>(*job); } \
-    extern "C" void name##_back_##kind(const Job* job) { run<T, rule, BACK>(*job); }       \
-    extern "C" void name##_slope_##kind(const Job* job) { run<T, rule, SLOPE>(*job); }
+    extern "C" int name##_forward_##kind(const Job* job) { return status_of([=] { run<T, rule, FORWARD>(*job); }); } \
+    extern "C" int name##_back_##kind(const Job* job) { return status_of([=] { run<T, rule, BACK>(*job); }); }       \
+    extern "C" int name##_slope_##kind(const Job* job) { return status_of([=] { run<T, rule, SLOPE>(*job); }); }
 #define RULES(T, kind) \
     RULE(samples, SAMPLES, T, kind) RULE(sum, SUM, T, kind) RULE(any, ANY, T, kind) RULE(alpha, ALPHA, T, kind)
 

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "status.h"
+
 namespace {
 
 template <class T>
@@ -154,9 +156,9 @@ void run(const Job& job) {
 
 }  // namespace
 
-extern "C" void sum_float(const Job* job) { run<float, 0>(*job); }
-extern "C" void sum_double(const Job* job) { run<double, 0>(*job); }
-extern "C" void spread_float(const Job* job) { run<float, 1>(*job); }
-extern "C" void spread_double(const Job* job) { run<double, 1>(*job); }
-extern "C" void slope_float(const Job* job) { run<float, 2>(*job); }
-extern "C" void slope_double(const Job* job) { run<double, 2>(*job); }
+extern "C" int sum_float(const Job* job) { return status_of([=] { run<float, 0>(*job); }); }
+extern "C" int sum_double(const Job* job) { return status_of([=] { run<double, 0>(*job); }); }
+extern "C" int spread_float(const Job* job) { return status_of([=] { run<float, 1>(*job); }); }
+extern "C" int spread_double(const Job* job) { return status_of([=] { run<double, 1>(*job); }); }
+extern "C" int slope_float(const Job* job) { return status_of([=] { run<float, 2>(*job); }); }
+extern "C" int slope_double(const Job* job) { return status_of([=] { run<double, 2>(*job); }); }

@@ -75,6 +75,14 @@ def test_latents_stand_beside_the_pictures(tmp_path):
             read(saved(tmp_path, sil=masks, azimuth=wrong))
 
 
+@pytest.mark.parametrize(("name", "spelling"), [("azimuth", "azimuths"), ("angle", "angles"), ("angle", "theta")])
+def test_known_views_in_other_spellings_are_not_ignored(tmp_path, name, spelling):
+    found = read(saved(tmp_path, sil=masks, **{spelling: np.arange(3.0)}))
+    assert found.latents is not None and found.latents[name].tolist() == [0, 1, 2]
+    with pytest.raises(UserError, match=f"`{spelling}` beside another array of the same"):
+        read(saved(tmp_path, sil=masks, **{spelling: np.arange(3.0), name: np.arange(3.0)}))
+
+
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [

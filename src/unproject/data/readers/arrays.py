@@ -3,9 +3,9 @@
 Values are bool, uint8 (shares of 255) or float in [0, 1]. Pictures are (N, H, W), (N, C, H, W) or (N, H, W, C) with
 C of 1, 3 or 4; volumes (N, X, Y, Z). Line integrals, in any unit and of any type of number, are (N, D) or (N, 1, D),
 named `lines`, or sinograms (M, D, A), named `sinograms`. Known views may stand beside them as `azimuth` and
-`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π; so may `names` (N,) of items, and
-what was left out as `skipped` and `reasons` (M,). A .npy file, and what is large in an .npz that is not compressed, is
-mapped into memory, not read; pictures of it are resampled by the batch.
+`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π (`LATENTS` has other spellings);
+so may `names` (N,) of items, and what was left out as `skipped` and `reasons` (M,). A .npy file, and what is large in
+an .npz that is not compressed, is mapped into memory, not read; pictures of it are resampled by the batch.
 """
 
 from __future__ import annotations
@@ -36,7 +36,12 @@ from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
-LATENTS = ("azimuth", "elevation", "angle")
+LATENTS = {
+    "azimuth": ("azimuth", "azimuths"),
+    "elevation": ("elevation", "elevations"),
+    "angle": ("angle", "angles", "theta", "thetas"),
+}
+"""Known views, and the names that an array of them may have."""
 
 
 def read_arrays(path: Path, how: How) -> Found:
@@ -155,12 +160,17 @@ def checked_values(values: np.ndarray, where: str, of_pictures: bool = True) -> 
 
 
 def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[str, Tensor] | None:
-    found = {name: arrays[name] for name in LATENTS if name in arrays}
-    for name, value in found.items():
-        if value.shape != (count,) or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
-            raise UserError(
-                f"{path}: {name}: is {value.dtype} {value.shape}; give one finite number of radians for each of {count}"
-            )
+    found = {}
+    for name, spellings in LATENTS.items():
+        for spelling in (spelling for spelling in spellings if spelling in arrays):
+            if name in found:
+                raise UserError(f"{path}: has `{spelling}` beside another array of the same; leave one of them")
+            found[name] = value = arrays[spelling]
+            if value.shape != (count,) or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
+                raise UserError(
+                    f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians for each "
+                    f"of {count}"
+                )
     return in_radians(path, found) or None
 
 
