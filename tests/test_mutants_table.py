@@ -32,6 +32,15 @@ def test_there_are_sixty_at_least_of_different_names() -> None:
     assert len(set(names)) == len(names) >= 60
 
 
+def test_none_is_written_down_and_left_out() -> None:
+    """A list of a name that another has takes its place without a word."""
+    tree = ast.parse((ROOT / "tools" / "mutants_table.py").read_text(encoding="utf-8"))
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+    firsts = [call.args[0] for call in calls if call.func.id in ("mutant", "mutant_of_several")]  # type: ignore[attr-defined]
+    written = {first.value for first in firsts if isinstance(first, ast.Constant)}
+    assert len(written) > 500 and written <= {mutant.name for mutant in TABLE.MUTANTS}
+
+
 @EACH
 def test_the_old_text_occurs_once_and_the_mutated_file_still_compiles(mutant) -> None:  # noqa: ANN001
     for file, text in TABLE.mutated(mutant, ROOT / TABLE.PACKAGE).items():

@@ -45,7 +45,8 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import fuzz_flags
 import numpy as np
-from fuzz_seeds import CAMPAIGN, FAMILIES, ROOT, Tree, clear, write
+from commits import commit
+from fuzz_seeds import CAMPAIGN, FAMILIES, Tree, clear, write
 
 MEMORY, TIMES, ADDRESSES, SECONDS, PATIENCE = 2**29, 20, 2**31, 60, 10
 """Bytes that a command may take, and how many more for each byte of input; addresses; seconds of the processor, and how
@@ -342,14 +343,6 @@ def again(report: Report) -> Report:
 
 def record_of(family: str, seed: int) -> Path:
     return CAMPAIGN / f"{re.sub('[^a-z]+', '-', family)}-{seed}.json"
-
-
-def commit() -> str:
-    """The commit of the working tree, which ends in + if files that inputs meet were changed since."""
-    git = ["git", "-C", str(ROOT)]
-    name = subprocess.run([*git, "rev-parse", "--short=7", "HEAD"], capture_output=True, text=True).stdout.strip()
-    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "src", "tools/*.py"]).returncode
-    return f"{name or 'unknown'}{'+' if changed else ''}"
 
 
 def in_process(family: str, seed: int, numbers: range, minutes: float) -> Report:

@@ -30,8 +30,9 @@ for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # threads do not survive a fork
 
 import numpy as np  # noqa: E402
+from commits import commit  # noqa: E402
 from fuzz import Input as Words  # noqa: E402
-from fuzz import commit, preload  # noqa: E402
+from fuzz import preload  # noqa: E402
 from fuzz_seeds import CAMPAIGN, ROOT, TOY, npz, picture, read, volumes, write  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "tests" / "training"))

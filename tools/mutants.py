@@ -2,7 +2,7 @@
 
     python tools/mutants.py                                  # all of tools/mutants_table.py
     python tools/mutants.py --only schlick --jobs 1          # those whose name matches a regular expression
-    python tools/mutants.py --table docs/mutants.md          # write the table of results
+    python tools/mutants.py --table docs/mutants.md          # go on with the record, and write the table of it
 
 Each fault is applied to a temporary copy of src/ and tests/; the checkout is never written to. The tests that the table
 names for it run in that copy with one thread. Outcomes:
@@ -13,6 +13,10 @@ names for it run in that copy with one thread. Outcomes:
     crashed     the tests' process was ended by a signal: the fault was noticed
     error       pytest could not run the tests (a wrong name, a module that cannot be imported): the table is wrong
 
+With --table each outcome is recorded in tools/campaign/mutants.json as it comes, with the commit, and a fault that is
+there already, with the same edits and tests, is not tried again: the table takes hours, and may be stopped. Delete the
+record to begin anew.
+
 First the same tests run on an unmutated copy, where they must pass. Exit status: 0 if every fault was noticed, else 1.
 """
 
@@ -20,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
 import multiprocessing
 import os
 import re
@@ -27,15 +32,19 @@ import shutil
 import sys
 import tempfile
 import time
+import zlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from commits import commit
 from mutants_table import MUTANTS, PACKAGE, Mutant, mutated
 
 ROOT = Path(__file__).resolve().parent.parent
+RECORD = ROOT / "tools" / "campaign" / "mutants.json"
 COPIED = ("src", "tests", "pyproject.toml")
 IGNORED = shutil.ignore_patterns("node_modules", ".hypothesis", "*.egg-info")
 SLOW_IMPORTS = (
@@ -166,19 +175,44 @@ def outcome(mutant: Mutant, trial: Trial) -> Outcome:
     return Outcome(mutant, word, failed[1] if failed else "", seconds)
 
 
-def table(outcomes: Sequence[Outcome]) -> str:
-    """The results in Markdown."""
-    killed = sum(outcome.word in NOTICED for outcome in outcomes)
-    order = {mutant.name: number for number, mutant in enumerate(MUTANTS)}
+def recorded() -> dict[str, dict[str, str]]:
+    """What is known of the faults as they are in the table now: by name their outcome, test and commit."""
+    known = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
+    return {m.name: known[m.name] for m in MUTANTS if known.get(m.name, {}).get("fault") == digest(m)}
+
+
+def digest(mutant: Mutant) -> str:
+    """What changes with the edits and tests of a fault."""
+    return f"{zlib.crc32(repr(mutant).encode()):08x}"
+
+
+def record(found: Outcome, at: str) -> None:
+    """Add an outcome to the record, as a whole or not at all."""
+    entry = {"fault": digest(found.mutant), "outcome": found.word, "test": found.test, "commit": at}
+    text = json.dumps(recorded() | {found.mutant.name: entry}, indent=0, ensure_ascii=False) + "\n"
+    unfinished = RECORD.with_suffix(".new")
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(RECORD)
+
+
+def table() -> str:
+    """The records in Markdown."""
+    known = recorded()
+    killed = sum(entry["outcome"] in NOTICED for entry in known.values())
+    commits = Counter(entry["commit"] for entry in known.values())
     rows = [
-        f"| {o.mutant.name} | {', '.join(file_names(o.mutant))} | {o.word} | {f'`{o.test}`' if o.test else ''} |"
-        for o in sorted(outcomes, key=lambda outcome: order[outcome.mutant.name])
+        f"| {m.name} | {', '.join(file_names(m))} | {known[m.name]['outcome']} | "
+        f"{'`' + known[m.name]['test'] + '`' if known[m.name]['test'] else ''} |"
+        for m in MUTANTS
+        if m.name in known
     ]
+    tried = ", ".join(f"{name} ({count})" for name, count in commits.most_common())
     head = (
         "# Mutants\n\n"
         "Faults planted one at a time in the package, and the first test that fails. Written by\n"
         "`python tools/mutants.py --table docs/mutants.md`; the faults themselves, old line and new, are in\n"
-        f"`tools/mutants_table.py`. The tests notice {killed} of {len(outcomes)}.\n\n"
+        f"`tools/mutants_table.py`. The tests notice {killed} of {len(known)}; {len(MUTANTS) - len(known)} more have "
+        f"not been tried as they\nare now. Tried at {tried}.\n\n"
     )
     return head + "\n".join(["| fault | file | outcome | by |", "|---|---|---|---|", *rows]) + "\n"
 
@@ -194,20 +228,25 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--only", default="", metavar="PATTERN", help="a regular expression of names (default: all)")
     parser.add_argument("--jobs", type=int, default=2, help="mutants tried at once (default: 2)")
     parser.add_argument("--seconds", type=float, default=180, help="time limit a mutant (default: 180)")
-    parser.add_argument("--table", type=Path, help="write the results to this Markdown file")
+    parser.add_argument("--table", type=Path, help="go on with the record, and write it to this Markdown file")
     return parser.parse_args()
 
 
 def main() -> int:
     """Try the mutants, print the outcomes and return the exit status."""
     asked = arguments()
-    chosen = [mutant for mutant in MUTANTS if re.search(asked.only, mutant.name)]
-    if not chosen:
+    noticed = {name for name, entry in recorded().items() if asked.table and entry["outcome"] in NOTICED}
+    named = [mutant for mutant in MUTANTS if re.search(asked.only, mutant.name)]
+    chosen = [mutant for mutant in named if mutant.name not in noticed]
+    if not named:
         sys.exit(f"mutants: no name matches {asked.only!r}; leave out --only to try all {len(MUTANTS)}")
+    if not chosen:
+        print(f"mutants: {RECORD} has all {len(named)}; delete it to begin anew")
+        return 0
     os.environ.update({"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"})
     for name in SLOW_IMPORTS:
         importlib.import_module(name)
-    start, outcomes = time.monotonic(), list[Outcome]()
+    start, outcomes, at = time.monotonic(), list[Outcome](), commit("tests")
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:
         clean = Path(name).resolve() / "clean"
         copy_tree(ROOT, clean)
@@ -215,9 +254,10 @@ def main() -> int:
         print(f"{len(chosen)} mutants; their tests pass without them in {time.monotonic() - start:.0f} s", flush=True)
         for found in try_mutants(chosen, clean, asked.jobs, asked.seconds):
             outcomes.append(found)
+            if asked.table:
+                record(found, at)
+                asked.table.write_text(table(), encoding="utf-8")
             print(f"{found.word:8}  {found.seconds:4.0f} s  {found.mutant.name}  {found.test}", flush=True)
-    if asked.table:
-        asked.table.write_text(table(outcomes), encoding="utf-8")
     unnoticed = [found for found in outcomes if found.word not in NOTICED]
     print(f"{len(outcomes) - len(unnoticed)} of {len(outcomes)} noticed, in {time.monotonic() - start:.0f} s")
     return 1 if unnoticed else 0

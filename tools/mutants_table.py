@@ -2993,7 +2993,7 @@ PHOTOGRAPHS = (
     ),
 )
 
-TURNS = (
+TURNED_SCORES = (
     mutant(
         "turning: the highest frequency counts twice",
         "ops/turning.py",
@@ -4298,6 +4298,7 @@ FINDINGS = (
 
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
+    *TURNED_SCORES,
     *OCCUPANCY,
     *LINE_INTEGRALS,
     *MICROFACETS,

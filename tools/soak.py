@@ -21,7 +21,7 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from fuzz import commit
+from commits import commit
 from fuzz_seeds import CAMPAIGN
 
 IMAGES = "--size 16 --channels 16 --batch 8"
