@@ -25,8 +25,18 @@ processor and in 512 MiB and 20 times the input, and may leave nothing half-writ
 counts status 2. `python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
 
 The campaign takes hours and goes on where its record ends (`tools/campaign`): inputs 0, 1, ... of each family, of which
-{asked:,} are asked. They were tried at {commits}, the last of which has the fixes for what was found before.
+{asked:,} are asked of each reader. They were tried at {commits}, the
+last of which has the fixes for what was found before. A first campaign of 4,700 inputs, of before these records, found
+some 130 exceptions of twelve kinds, from bombs to two trainings in one folder; each kind has a test since.
 """
+READERS = {
+    "pictures": ("png", "jpg", "webp", "bmp", "tif", "gif"),
+    "idx files": ("idx", "idx.gz"),
+    "archives": ("npz", "npz of volumes", "npz of maps"),
+    "packed files": ("packed shapes", "pack"),
+    "meshes": ("obj", "ply", "stl", "off", "glb", "gltf"),
+}
+"""Families that one reader reads; each of the others has one of its own."""
 KILLS = """
 ## Kills
 
@@ -86,16 +96,24 @@ def stored(name: str) -> Any:
 
 
 def inputs() -> str:
+    families = [*FAMILIES, "flags"]
+    alone = {family: (family,) for family in families if not any(family in several for several in READERS.values())}
     rows = []
-    for family in [*FAMILIES, "flags"]:
-        own = [report for report in reports() if report["family"] == family]
-        counts = [sum(report[name] for report in own) for name in ("inputs", "refused")]
-        found = [sum(len(report[name]) for report in own) for name in ("fixed", "findings")]
-        rows.append([family, *counts, *found, f"{sum(report['seconds'] for report in own):.0f}"])
-    rows.append(["all", *(sum(int(row[k]) for row in rows) for k in range(1, 6))])
+    for reader, several in (READERS | alone).items():
+        of_each = [counts(family) for family in several]
+        rows.append([reader, ", ".join(several), *map(sum, zip(*of_each, strict=True))])
+    rows.append(["all", "", *map(sum, zip(*(row[2:] for row in rows), strict=True))])
     open_ones = [f"- {r['family']} {k}: {said}" for r in reports() for k, said in r["findings"].items()]
     listed = "\n".join(["", "Open findings:", "", *open_ones, ""]) if open_ones else ""
-    return table("family | inputs | refused | findings, fixed | open | seconds", rows) + listed
+    return table("reader | families | inputs | refused | findings, fixed | open | seconds", rows) + listed
+
+
+def counts(family: str) -> list[int]:
+    """Inputs, those refused, findings that are fixed and open, and seconds of a family."""
+    own = [report for report in reports() if report["family"] == family]
+    plain = [sum(report[name] for report in own) for name in ("inputs", "refused")]
+    found = [sum(len(report[name]) for report in own) for name in ("fixed", "findings")]
+    return [*plain, *found, round(sum(report["seconds"] for report in own))]
 
 
 def kills() -> str:

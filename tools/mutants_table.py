@@ -112,7 +112,8 @@ TURNS = (
         "ops/azimuth.py",
         "of_weight = _weight_gradient(table[0], ctx.index, weight, gradient)",
         "of_weight = -_weight_gradient(table[0], ctx.index, weight, gradient)",
-        "ops/test_azimuth.py", "ops/test_ray_rules.py",
+        "ops/test_azimuth.py",
+        "ops/test_ray_rules.py",
     ),
     mutant(
         "elevation: samples of a camera above are those of one below",
@@ -3135,14 +3136,16 @@ ANY_CLASS = (
         "ops/azimuth.py",
         "(column * 2 + 1 - self.size) / self.size) + self._offset(c)",
         "(column * 2 + 1 - self.size) / self.size) - self._offset(c)",
-        "ops/test_azimuth.py", "ops/test_ray_rules.py",
+        "ops/test_azimuth.py",
+        "ops/test_ray_rules.py",
     ),
     mutant(
         "azimuth: gradients forget where a window lies",
         "ops/azimuth.py",
         "(x * c - z * s - self._offset(c)) / viewport",
         "(x * c - z * s) / viewport",
-        "ops/test_azimuth.py", "ops/test_ray_rules.py",
+        "ops/test_azimuth.py",
+        "ops/test_ray_rules.py",
     ),
     mutant(
         "joint: the generator is steered whatever the weight",
