@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import docstring_parser
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from unproject import export
@@ -72,6 +73,51 @@ def test_a_folder_in_the_way_is_met_before_anything_is_written(tmp_path, capsys)
 def test_every_format_is_written(samples, tmp_path, capsys, to):
     assert main(["export", str(samples), "--to", to, "--n", "1", "--out", str(tmp_path / "out")]) == 0
     assert os.listdir(tmp_path / "out") and "wrote" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("to", export.FORMATS)
+def test_a_file_is_written_in_the_format_of_its_name(samples, tmp_path, to):
+    assert main(["export", str(samples), "--n", "1", "--out", str(tmp_path / f"out.{to.upper()}")]) == 0
+    assert main(["export", str(samples), "--n", "1", "--to", to, "--out", str(tmp_path / f"same.{to}")]) == 0
+    if to != "npz":  # an archive holds the time
+        assert (tmp_path / f"out.{to.upper()}").read_bytes() == (tmp_path / f"same.{to}").read_bytes()
+
+
+def test_a_plane_with_a_material_is_written_by_the_name_of_its_file(tmp_path):
+    np.savez(tmp_path / "a.npz", **Maps().arrays(wood(1, 16)))
+    assert main(["export", str(tmp_path / "a.npz"), "--out", str(tmp_path / "wood.glb")]) == 0
+    assert (tmp_path / "wood.glb").read_bytes().startswith(b"glTF")
+
+
+def test_some_samples_are_chosen_by_their_numbers(tmp_path, capsys):
+    v = np.zeros((4, 8, 8, 8), np.float32)
+    for number in range(4):
+        v[number, 2:6, 1 : 3 + number, 2:6] = 1
+    np.savez(tmp_path / "x.npz", volume=v)
+    words = ["export", str(tmp_path / "x.npz"), "--only", "3", "1"]
+    assert main([*words, "--out", str(tmp_path / "meshes")]) == 0
+    assert sorted(os.listdir(tmp_path / "meshes")) == ["shape_01.glb", "shape_03.glb"]
+    assert main([*words, "--out", str(tmp_path / "y.npz")]) == 0
+    with np.load(tmp_path / "y.npz") as arrays:
+        assert np.array_equal(arrays["volume"], v[[3, 1]])
+    for wrong, said in (("4", "--only 4: there are 4 samples, from 0 to 3"), ("1 1", "give each once"), ("-1", "none")):
+        capsys.readouterr()
+        assert main(["export", str(tmp_path / "x.npz"), "--only", *wrong.split(), "--out", str(tmp_path / "no")]) == 2
+        assert (said if wrong != "-1" else "unproject: ") in capsys.readouterr().err
+    assert main([*words, "--n", "3", "--out", str(tmp_path / "no")]) == 2
+    assert "samples have the numbers 0 to 2" in capsys.readouterr().err and not (tmp_path / "no").exists()
+
+
+def test_meshes_are_one_surface_unless_all_parts_are_asked_for(tmp_path):
+    """Blocks that share a corner are one part of the volume, and two surfaces."""
+    v = np.zeros((1, 24, 24, 24), np.float32)
+    v[0, 2:12, 2:12, 2:12] = v[0, 12:18, 12:18, 12:18] = 1
+    np.savez(tmp_path / "x.npz", volume=v)
+    counts = []
+    for flags in ([], ["--no-largest-part"]):
+        assert main(["export", str(tmp_path / "x.npz"), *flags, "--out", str(tmp_path / "x.glb")]) == 0
+        counts.append(trimesh.load(tmp_path / "x.glb", force="mesh").body_count)
+    assert counts == [1, 2]
 
 
 def test_empty_shapes_are_named_and_the_rest_written(samples, tmp_path, capsys):

@@ -131,7 +131,34 @@ def test_decimation_that_would_open_the_mesh_is_refused(monkeypatch):
 
     full = export.mesh(ball())
     monkeypatch.setattr(fast_simplification, "simplify", lambda points, faces, **_: (points, faces[: len(faces) // 2]))
-    assert len(export.mesh(ball(), faces=100).faces) == len(full.faces)
+    with pytest.warns(UserWarning, match=f"the bowl keeps {len(full.faces)} triangles: fewer would open or fold it"):
+        assert len(export.mesh(ball(), faces=100, name="the bowl").faces) == len(full.faces)
+
+
+def test_decimation_that_opens_the_mesh_is_tried_in_steps(monkeypatch):
+    """Here a collapse to fewer than a quarter of the triangles opens the mesh."""
+    import fast_simplification
+
+    collapse = fast_simplification.simplify
+
+    def fragile(points, faces, target_count, **given):
+        found = collapse(points, faces, target_count=target_count, **given)
+        return found if 4 * target_count >= len(faces) else (found[0], found[1][1:])
+
+    monkeypatch.setattr(fast_simplification, "simplify", fragile)
+    small = export.mesh(ball(32), faces=100)
+    assert 4 <= len(small.faces) <= 100 and small.is_watertight
+
+
+def test_the_largest_part_is_one_surface():
+    """Voxels that share a corner are one part of a volume, and two surfaces; what encloses next to nothing is none."""
+    v = block((2, 2, 2), (12, 12, 12)) + block((12, 12, 12), (18, 18, 18))
+    assert export.mesh(v, smooth=0).body_count == 2
+    one = export.mesh(v, smooth=0, largest=True)
+    assert one.body_count == 1 and one.is_watertight
+    assert one.volume == pytest.approx(export.mesh(block((2, 2, 2), (12, 12, 12)), smooth=0).volume)
+    crumb = block((2, 2, 2), (12, 12, 12)) + block((12, 12, 12), (14, 14, 14))
+    assert export.mesh(crumb, smooth=0).body_count == 1
 
 
 def test_floaters_and_hidden_hollows_are_left_out():

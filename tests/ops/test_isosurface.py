@@ -58,6 +58,13 @@ def test_a_block_has_the_extents_of_its_voxels():
     assert surface.volume == pytest.approx(1.2 * 2 * 0.5, rel=0.03)
 
 
+def test_parts_are_kept_by_what_they_enclose_and_cavities_enclose_nothing():
+    hollow = block(20, (4, 4, 4), (16, 16, 16)) - block(20, (6, 6, 6), (14, 14, 14))
+    assert closed(hollow).body_count == 2
+    kept = closed(hollow, min_fraction=0.02)
+    assert kept.body_count == 1 and kept.volume == pytest.approx(1.2**3, rel=0.03)
+
+
 def test_a_full_volume_is_closed_at_the_sides_of_its_box():
     np.testing.assert_allclose(closed(np.ones((8, 8, 8))).bounds, [[-1] * 3, [1] * 3], atol=2e-3)
 

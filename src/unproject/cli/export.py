@@ -26,6 +26,7 @@ def run(
     to: str | None = None,
     n: int | None = None,
     seed: int = 0,
+    only: tuple[int, ...] = (),
     faces: int | None = None,
     hull: bool = False,
     largest_part: bool = True,
@@ -43,13 +44,14 @@ def run(
         out: The file (with the format's suffix) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
             turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
-            planes); of a domain of your own what it exports (default: glb of shapes, maps of materials, png of
-            images, else npz).
+            planes); of a domain of your own what it exports (default: by the suffix of --out; of a folder glb of
+            shapes, maps of materials, png of images, else npz).
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
-        faces: The most triangles a mesh may have (glb, obj, ply).
+        only: Those of them with these numbers, from 0, row by row in their picture; meshes and voxels keep the numbers.
+        faces: The most triangles a mesh may have (glb, obj, ply); a warning says so where it has to have more.
         hull: Fill what no level view can see.
-        largest_part: Remove parts of shapes that float.
+        largest_part: Keep the largest part of each shape alone.
         depth: Bits of the maps' PNG, or half or float EXR.
         fresnel: What the specular map means: see `unproject render --help`.
         eta: The index of refraction, for --fresnel eta.
@@ -61,11 +63,16 @@ def run(
     """
     import torch
 
+    from .. import export
     from ..training.run_directory import naming
 
-    found = _found(source, to, n, seed, trust, size, coloured_specular)
-    to = to or found.domain.written
+    found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)
+    to = to or _format_of(out, found.domain)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
+    if to in export.MESH_FORMATS:
+        options["largest"] = largest_part
+    if only and to in (*export.MESH_FORMATS, "vox"):
+        options["names"] = [f"shape_{number:02d}" for number in only]
     if "depth" in options and fresnel is not None:
         options["fresnel"] = fresnel
     x = _hull(found.x) if hull else torch.as_tensor(found.x)
@@ -111,6 +118,32 @@ def _found(
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
     domain = domain_of_arrays(arrays)
     return Found(_sampled_before(source, arrays, domain, _some(n)), domain)
+
+
+def _count(n: int | None, only: tuple[int, ...]) -> int | None:
+    """Return how many samples are drawn: those that are asked for, and at least those that are chosen.
+
+    Raises:
+        UserError: for numbers that are none of theirs, or that come twice.
+    """
+    if not only:
+        return n
+    if min(only) < 0 or len(set(only)) < len(only) or (n is not None and max(only) >= n):
+        known = "0, 1, 2, …" if n is None else f"0 to {n - 1}"
+        raise UserError(f"--only {' '.join(map(str, only))}: samples have the numbers {known}; give each once")
+    return max(only) + 1 if n is None else n
+
+
+def _chosen(found: Found, only: tuple[int, ...]) -> Found:
+    if only and max(only) >= len(found.x):
+        raise UserError(f"--only {max(only)}: there are {len(found.x)} samples, from 0 to {len(found.x) - 1}")
+    return found._replace(x=found.x[list(only)]) if only else found
+
+
+def _format_of(out: Path, domain: Domain) -> str:
+    """Return the format that the name of a file asks for, or that in which samples are written by default."""
+    of_suffix = {WRITTEN.get(name, name): name for name in reversed(list(domain.exporters))}
+    return domain.written if out.is_dir() or not out.suffix else of_suffix.get(out.suffix[1:].lower(), domain.written)
 
 
 def _options(

@@ -38,6 +38,7 @@ from unproject.export.vox import vox
 __all__ = [
     "FORMATS",
     "MATERIAL_FORMATS",
+    "MESH_FORMATS",
     "Written",
     "contact_sheet",
     "gallery",
@@ -72,6 +73,8 @@ FORMATS: dict[str, Callable[..., Written]] = {
     "gif": turntable_file,
 }
 """Format → the function (volumes, path, **options) that writes it; png is the contact sheet, gif the turntable."""
+
+MESH_FORMATS = ("glb", "obj", "ply")
 
 MATERIAL_FORMATS: dict[str, Callable[..., Written]] = {
     "maps": material_maps,

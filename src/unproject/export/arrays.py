@@ -15,6 +15,6 @@ from unproject.export._volumes import Written, as_batch, within
 def npz(volumes: ArrayLike, path: str | PathLike[str]) -> Written:
     """The volumes, compressed: at the path if it ends in .npz, else volumes.npz in that folder."""
     batch, final = as_batch(volumes), within(Path(path), ".npz", "volumes.npz")
-    with atomic_path(final) as temporary:
-        np.savez_compressed(temporary, volume=batch)
+    with atomic_path(final) as temporary, temporary.open("wb") as stream:  # of a path NumPy changes the suffix .NPZ
+        np.savez_compressed(stream, volume=batch)
     return Written((final,))

@@ -5,6 +5,7 @@ Formats: glTF binary (.glb: Blender, Unity, Unreal, the web), Wavefront .obj and
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
@@ -33,6 +34,7 @@ def mesh(
     level: float = 0.5,
     smooth: int = 6,
     min_fraction: float = 0.02,
+    largest: bool = False,
     faces: int | None = None,
     name: str = "the shape",
 ) -> trimesh.Trimesh:
@@ -41,8 +43,9 @@ def mesh(
     Args:
         level: the occupancy on the surface.
         smooth: rounds of smoothing against voxel steps; 0 keeps the steps.
-        min_fraction: loose parts with fewer voxels than this part of the largest are dropped; hollows are filled.
-        faces: a budget of triangles, kept only if the decimated mesh is still closed.
+        min_fraction: loose parts smaller than this part of the largest are dropped; hollows are filled.
+        largest: all parts but the largest are dropped.
+        faces: a budget of triangles; a mesh that no decimation to it leaves closed has more, and a warning says so.
         name: how an error calls the shape.
 
     Raises:
@@ -52,13 +55,14 @@ def mesh(
     from trimesh.visual import TextureVisuals
 
     v = as_batch(volume)[0]
-    vertices, triangles = isosurface(without_cavities(v, level), level, smooth=smooth, min_fraction=min_fraction)
+    solid, parts = without_cavities(v, level), {"min_fraction": min_fraction, "largest": largest}
+    vertices, triangles = isosurface(solid, level, smooth=smooth, **parts)
     if len(triangles) == 0:
         raise UserError(
             f"{name} is empty: its highest occupancy is {v.max():.2f} and the surface lies at {level}; "
             "train longer, or sample another seed"
         )
-    surface = _decimated(trimesh.Trimesh(vertices, triangles, process=False), faces)
+    surface = _decimated(trimesh.Trimesh(vertices, triangles, process=False), faces, name)
     surface.visual = TextureVisuals(material=_clay())
     return surface
 
@@ -149,18 +153,35 @@ def _glb_bytes(scene: trimesh.Scene) -> bytes:
     return content
 
 
-def _decimated(surface: trimesh.Trimesh, faces: int | None) -> trimesh.Trimesh:
-    """Quadric edge collapse to at most `faces` triangles, or the mesh as it was if that would open or fold it."""
-    if faces is None or faces >= len(surface.faces):
-        return surface
+def _decimated(surface: trimesh.Trimesh, faces: int | None, name: str) -> trimesh.Trimesh:
+    """At most `faces` triangles, by quadric edge collapse in several steps if one opens the mesh; more if all do."""
+    while faces is not None and faces < len(surface.faces):
+        smaller = _collapsed(surface, faces)
+        if smaller is None:
+            warnings.warn(f"{name} keeps {len(surface.faces)} triangles: fewer would open or fold it", stacklevel=3)
+            return surface
+        surface = smaller
+    return surface
+
+
+def _collapsed(surface: trimesh.Trimesh, faces: int) -> trimesh.Trimesh | None:
+    """A smaller closed mesh, of at most so many triangles if one is found.
+
+    Whether collapses open or fold a mesh is a matter of their order, which the library's aggressiveness changes.
+    """
     import fast_simplification  # only those who ask for a budget pay for it
     import trimesh
 
-    points, triangles = fast_simplification.simplify(
-        np.asarray(surface.vertices, np.float32), np.asarray(surface.faces, np.int32), target_count=faces
-    )
-    smaller = trimesh.Trimesh(points, triangles, process=False)
-    return smaller if smaller.is_watertight and smaller.is_winding_consistent and smaller.volume > 0 else surface
+    points, triangles = np.asarray(surface.vertices, np.float32), np.asarray(surface.faces, np.int32)
+    for share in (1.0, 0.5, 0.1):  # of the way there
+        target = int(len(triangles) ** (1 - share) * faces**share)
+        for aggressiveness in (7, 5, 10, 3):
+            found = fast_simplification.simplify(points, triangles, target_count=target, agg=aggressiveness)
+            smaller = trimesh.Trimesh(*found, process=False)
+            closed = smaller.is_watertight and smaller.is_winding_consistent and smaller.volume > 0
+            if closed and len(smaller.faces) < len(triangles):
+                return smaller
+    return None
 
 
 def _clay() -> PBRMaterial:

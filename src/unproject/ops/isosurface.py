@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
-from scipy import ndimage
+from scipy import ndimage, sparse
 from skimage.measure import marching_cubes
 from torch import Tensor
 
@@ -32,7 +32,8 @@ def isosurface(
         volume: (X, Y, Z) array or tensor, occupancy in [0, 1].
         level: the occupancy on the surface, in [0.01, 0.99].
         smooth: rounds of Taubin's smoothing, which removes the steps of the voxels and keeps size and topology.
-        largest, min_fraction: see `without_floaters`.
+        largest, min_fraction: see `without_floaters`; the same is true of the parts of the surface, by the volumes that
+            they enclose: voxels that share an edge or a corner may lie on surfaces apart. Cavities are closed then.
 
     Returns:
         vertices (V, 3) float32 in the frame of the volume, [-1, 1]³, and faces (F, 3) int64, counter-clockwise
@@ -55,6 +56,8 @@ def isosurface(
     clear = np.where(v > level, np.maximum(v, level + _CLEARANCE), np.minimum(v, level - _CLEARANCE))
     # "ascent" is what makes the faces counter-clockwise from outside for a solid brighter than its surroundings.
     indices, faces, _, _ = marching_cubes(np.pad(clear, 1), level - _CLEARANCE / 2, gradient_direction="ascent")
+    if largest or min_fraction:
+        indices, faces = _parts_kept(indices, faces, 1.0 if largest else min_fraction)
     vertices = (indices - 0.5) / np.array(v.shape) * 2 - 1
     return _smoothed(vertices, faces, smooth).astype(np.float32), faces.astype(np.int64)
 
@@ -76,6 +79,24 @@ def without_floaters(
         dropped = np.arange(len(voxels)) != voxels.argmax()
     dropped[0] = False
     return np.where(dropped[parts], 0, v)
+
+
+def _parts_kept(vertices: np.ndarray, faces: np.ndarray, fraction: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the parts of a surface that enclose at least a fraction of what the largest encloses.
+
+    The volume of a closed surface is the sum of the tetrahedra of its faces and any point, a × b · c / 6; that of a
+    cavity is negative.
+    """
+    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = sparse.coo_array((np.ones(len(edges), bool), edges.T), (len(vertices),) * 2)
+    count, of_vertex = sparse.csgraph.connected_components(graph, directed=False)
+    if count == 1:
+        return vertices, faces
+    a, b, c = (vertices[faces] - vertices.mean(0)).swapaxes(0, 1)
+    volumes = np.bincount(of_vertex[faces[:, 0]], (np.cross(a, b) * c).sum(1), count)
+    kept = (volumes >= fraction * volumes.max())[of_vertex]
+    numbers = np.cumsum(kept) - 1
+    return vertices[kept], numbers[faces[kept[faces[:, 0]]]]
 
 
 def without_cavities(volume: ArrayLike, level: float = 0.5) -> np.ndarray:
