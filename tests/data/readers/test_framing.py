@@ -84,6 +84,28 @@ def test_a_pale_object_photographed_on_white_is_kept_whole():
     assert float(framed.image.mean()) == pytest.approx(0.85**2, rel=0.01)
 
 
+def landscape():
+    """Grass below sky, and something before both."""
+    photo = np.full((100, 100, 3), (0.6, 0.7, 0.9), np.float32)
+    photo[48:] = (0.3, 0.5, 0.2)
+    photo[30:70, 40:60] = (0.5, 0.1, 0.1)
+    return photo
+
+
+@pytest.mark.parametrize("photo", [landscape(), landscape().swapaxes(0, 1)])
+def test_a_photograph_before_no_plain_backdrop_is_no_silhouette(photo):
+    with pytest.raises(UnusablePicture, match="no plain backdrop: .* of the photograph's border differ"):
+        frame(photo, 32)
+    assert frame(photo, 32, Framing(polarity="light", photo_threshold=0.65)).channel == "photograph"
+
+
+def test_a_photograph_that_is_cropped_closely_is_used():
+    photo = np.ones((100, 100, 3), np.float32)
+    photo[:, 40:60] = photo[45:55] = (0.3, 0.4, 0.5)  # touches all four sides
+    photo[20:30, 45:55] = (0.6, 0.2, 0.2)
+    assert frame(photo, 32).channel == "photograph"
+
+
 def test_a_mask_with_a_soft_edge_is_no_photograph():
     y, x = np.mgrid[:80, :80] + 0.5
     assert is_mask(np.clip(20.5 - np.hypot(y - 40, x - 40), 0, 1))

@@ -7,7 +7,8 @@
    border needs `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1).
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
-   least `photo_threshold`, because pale parts are close to a pale backdrop.
+   least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph whose border belongs to the
+   object by more than a third stands before no plain backdrop, and is skipped unless a polarity is given.
 3. Crop. The object's bounding box is centred in a square whose side is the box's longer side / `fill`
    (0.85: a margin of 7.5 % on both sides). Aspect is kept. What the square takes in beyond the picture is empty.
 4. Resampling. Every pixel of the (size, size) result is the share of its area that the object covers, a
@@ -35,6 +36,9 @@ from ...ops.resampling import interval_shares
 Mode = Literal["crop", "keep"]
 Polarity = Literal["auto", "light", "dark"]
 Window = tuple[float, float, float]
+
+UNEVEN = 1 / 3
+"""Share of a photograph's border that may differ from its backdrop: close crops touch it, grass below sky is half."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,8 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
         channel = "photograph" if photograph else channel
         coverage = (coverage >= (rule.photo_threshold if photograph else rule.threshold)).astype(np.float32)
         _check_object(coverage, rule.min_pixels)
+        if photograph and rule.polarity == "auto":
+            _check_backdrop(coverage)
     window = whole_window(coverage) if rule.mode == "keep" else object_window(coverage, rule.fill)
     image = torch.from_numpy(area_resample(coverage, window, size))[None]
     height, width = coverage.shape
@@ -130,8 +136,12 @@ def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.nd
 
 def border_colour(picture: np.ndarray) -> np.ndarray:
     """The median colour (C,) of a picture's outermost pixels."""
-    edges = (picture[0], picture[-1], picture[:, 0], picture[:, -1])
-    return np.median(np.concatenate(edges), axis=0)
+    return np.median(_border(picture), axis=0)
+
+
+def _border(picture: np.ndarray) -> np.ndarray:
+    """The outermost pixels (P, ...) of a picture (H, W, ...)."""
+    return np.concatenate((picture[0], picture[-1], picture[:, 0], picture[:, -1]))
 
 
 def is_mask(coverage: np.ndarray) -> bool:
@@ -149,6 +159,15 @@ def _check_object(mask: np.ndarray, min_pixels: int) -> None:
     _, height, width = _bounding_box(mask)
     if max(height, width) < min_pixels:
         raise UnusablePicture(f"too small: the object is {width} x {height} pixels, {min_pixels} are needed")
+
+
+def _check_backdrop(mask: np.ndarray) -> None:
+    share = _border(mask).mean()
+    if share > UNEVEN:
+        raise UnusablePicture(
+            f"no plain backdrop: {share:.0%} of the photograph's border differ from it; cut the object out, or raise "
+            "--threshold"
+        )
 
 
 def object_window(mask: np.ndarray, fill: float) -> Window:
