@@ -54,8 +54,8 @@ SOAK = """
 ## An hour of training
 
 Each recipe at toy size for an hour, all at once (`python tools/soak.py`): anonymous resident memory, the median of the
-first, second, sixth and last tenth of the time. The last may be at most 5 % above the second; the first is for what is
-allocated once, and for tries.
+first, third, sixth and last tenth of the time. The last may be at most 5 % above the third; the first two are for what
+is allocated once: tries, and the first checkpoint with its preview, at step 500.
 """
 
 
@@ -133,10 +133,10 @@ def soaks() -> str:
     rows = []
     for one in stored("soak.json"):
         held = one["megabytes"]
-        shown = [f"{held[k]:.0f}" for k in (0, 1, 5, 9)]
-        ended = one["said"] or one["commit"]
-        rows.append([one["recipe"], one["steps"], *shown, f"{held[9] / held[1] - 1:+.1%}", ended])
-    return table("recipe | steps | first tenth, MB | second | sixth | last | grown since the second | commit", rows)
+        shown = [f"{held[k]:.0f}" if held[k] else "ended" for k in (0, 2, 5, 9)]
+        ended = one["commit"] if not one["said"] else f"{one['commit']}, {one['said'].split(': ')[1]}"
+        rows.append([one["recipe"], one["steps"], *shown, f"{held[9] / held[2] - 1:+.1%}" if held[9] else "", ended])
+    return table("recipe | steps | first tenth, MB | third | sixth | last | grown since the third | commit", rows)
 
 
 def said(condition: dict[str, Any]) -> str:

@@ -4,14 +4,16 @@
     python tools/soak.py --only digits wood --minutes 5
 
 The anonymous resident memory of each training (RssAnon of /proc) is read every few seconds. The median over the last
-tenth of the time may be at most 5 % above that over the second tenth; the first is for what is allocated once, and for
-tries. Records are in tools/campaign/soak.json. Exit status: 1 if memory grew, or a training failed.
+tenth of the time may be at most 5 % above that over the third; the first two are for what is allocated once: tries, and
+the first checkpoint with its preview, at step 500. Records are in tools/campaign/soak.json. Exit status: 1 if memory
+grew, or a training failed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -43,20 +45,22 @@ class Soak:
     """How the memory of a training went.
 
     Attributes:
-        megabytes: median of anonymous resident memory in each tenth of the time.
+        megabytes: median of anonymous resident memory in each tenth of the time; None after its end.
         said: the last line of a training that failed, or nothing.
     """
 
     recipe: str
     steps: int
     minutes: float
-    megabytes: list[float]
+    megabytes: list[float | None]
     commit: str
     said: str = ""
 
     @property
     def growth(self) -> float:
-        return self.megabytes[-1] / self.megabytes[1] - 1
+        """Of the last tenth, over the third."""
+        _, _, first, *_, last = (held or math.nan for held in self.megabytes)
+        return last / first - 1
 
     @property
     def held(self) -> bool:
@@ -117,7 +121,7 @@ def told(
 ) -> Soak:
     """What the readings of a training say, by tenths of the time that it was asked to take."""
     tenths = [[held for when, held in readings if int(when / (6 * minutes)) == k] for k in range(10)]
-    medians = [round(statistics.median(tenth), 1) if tenth else float("nan") for tenth in tenths]
+    medians = [round(statistics.median(tenth), 1) if tenth else None for tenth in tenths]
     lines = out.with_suffix(".txt").read_text(encoding="utf-8", errors="replace").splitlines()
     said = (lines or [f"exit status {process.returncode}"])[-1] if process.returncode else ""
     steps = [int(path.stem.removeprefix("step-")) for path in (out / "checkpoints").glob("*.safetensors")]

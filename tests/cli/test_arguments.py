@@ -62,9 +62,9 @@ def test_flags_and_arguments() -> None:
         ("a --nn 3", "--nn, 3. Perhaps you meant `--n`"),
         ("a --no-mirorr", "Perhaps you meant `--no-mirror`"),
         ("a --n three", "--n"),
-        ("a --rate fast", "could not convert string to float: 'fast'"),
+        ("a --rate fast", "--rate 'fast': give a number"),
         ("a --n", "missing value for argument '--n'"),
-        ("a --mode guessed", "'known', 'predicted'"),
+        ("a --mode guessed", "choose from known, predicted"),
     ],
 )
 def test_mistakes(argv: str, said: str) -> None:

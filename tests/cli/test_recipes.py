@@ -35,7 +35,7 @@ def test_a_recipe_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     [
         (["recipes", "show"], "name the recipe"),
         (["recipes", "show", "shaeps"], "Perhaps you meant 'shapes'"),
-        (["recipes", "shw"], "invalid choice 'shw'"),
+        (["recipes", "shw"], "action 'shw': choose from list, show. Perhaps you meant 'show'"),
     ],
 )
 def test_mistakes(argv: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -111,7 +111,8 @@ def test_a_folder_of_depth_maps_stays_depth_maps(depths: Path) -> None:
     stored = np.stack([np.asarray(Image.open(depths / f"{k}.png")) for k in range(3)])
     assert np.array_equal(found.items[:, 0], stored)
     assert torch.equal(read(depths, pictures="images").items, found.items)
-    framed = Collection.silhouettes(depths, 48, framing=Framing(min_pixels=1, mode="keep", polarity="light", photo_threshold=0.5))
+    rule = Framing(min_pixels=1, mode="keep", polarity="light", photo_threshold=0.5)
+    framed = Collection.silhouettes(depths, 48, framing=rule)
     assert set(framed.items.unique().tolist()) <= {0, 255}, "which silhouettes are not"
 
 

@@ -95,7 +95,8 @@ def _run(argv: list[str]) -> int:
 def _parsed(verb: str, argv: list[str]) -> Callable[[], int | None] | None:
     """What to call for a verb and its arguments, or None if they asked for help, which has been printed."""
     if verb not in VERBS:
-        raise UserError(f"there is no verb {verb!r}{nearest(verb, VERBS)}; `unproject --help` lists them")
+        meant = f". Perhaps you meant 'data {verb}'" if verb in ("inspect", "pack", "get") else nearest(verb, VERBS)
+        raise UserError(f"there is no verb {verb!r}{meant}; `unproject --help` lists them")
     from ._arguments import HelpPrinted, bind
 
     module = import_module(f"unproject.cli.{verb}")

@@ -13,7 +13,6 @@ import dataclasses
 import inspect
 import io
 import math
-import re
 import types
 import typing
 from collections.abc import Callable, Sequence
@@ -26,8 +25,9 @@ from typing import Annotated, Any, Literal
 import docstring_parser
 import tyro
 
-from .._objects import find_object, nearest
+from .._objects import find_object
 from .._types import UserError
+from ._mistakes import in_one_line, plainly
 
 _SCALARS = (bool, int, float, str, Path)
 
@@ -211,8 +211,8 @@ def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
     except SystemExit as end:
         if not end.code:
             raise HelpPrinted from None
-        wrong = _in_one_line(said.getvalue())
-        raise UserError(f"{verb}: {wrong}{_perhaps(wrong, options)} (`unproject {verb} --help`)") from None
+        wrong = plainly(in_one_line(said.getvalue()), [_spelling(field) for field in dataclasses.fields(options)])
+        raise UserError(f"{verb}: {wrong} (`unproject {verb} --help`)") from None
     values = {field.name: getattr(read, field.name) for field in dataclasses.fields(read)}
     for name, value in values.items():
         _check_number(name, value)
@@ -225,22 +225,6 @@ def _check_number(name: str, value: Any) -> None:
         if isinstance(number, (int, float)) and not abs(number) < (math.inf if isinstance(number, float) else 2**63):
             wanted = "a finite number" if isinstance(number, float) else "a whole number below 2^63"
             raise UserError(f"--{name.rstrip('_').replace('_', '-')} {number}: give {wanted}")
-
-
-def _in_one_line(box: str) -> str:
-    """What is wrong: the part of tyro's box above its first rule, on one line."""
-    text = "\n".join(line.strip("│ ") for line in box.splitlines() if line[:1] not in "╭╰")
-    wrong = " ".join(re.split(r"\n─+\n", text)[0].split())
-    return wrong[:1].lower() + wrong[1:].rstrip(".")
-
-
-def _perhaps(wrong: str, options: type) -> str:
-    """The flags that the unknown ones were perhaps meant to be."""
-    if not wrong.startswith("unrecognized"):
-        return ""
-    flags = [_spelling(field) for field in dataclasses.fields(options)]
-    hints = (nearest(flag, flags) for flag in re.findall(r"--([\w-]+)", wrong))
-    return next((hint.replace("'", "`--", 1).replace("'", "`") for hint in hints if hint), "")
 
 
 def _spelling(field: dataclasses.Field[Any]) -> str:

@@ -47,6 +47,7 @@ def run(
     """
     from ..training import train
     from ..training.building import is_foreign
+    from ..training.run_directory import check_free
     from ._machine import say, use_threads, warn_if_empty
     from ._report import leave_report
     from ._verdict import conclude
@@ -56,6 +57,7 @@ def run(
     _estimate(recipe, device)
     name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
     out = out or Path("runs") / f"{name}-{recipe.seed}"
+    check_free(out)
     if not quiet:
         say(f"{out}: watch it in a browser with unproject studio {shlex.quote(str(out.parent))}")
     release()

@@ -46,12 +46,25 @@ class Evidence:
 
     @property
     def is_enough(self) -> bool:
-        return min(len(self.generated), len(self.real)) >= ENOUGH and bool((self.apart.sum(1) > 0).all())
+        return self.compared >= ENOUGH and bool((self.apart.sum(1) > 0).all())
+
+    @property
+    def compared(self) -> int:
+        """Pictures that can be compared with one of another object."""
+        return min(len(self.generated), len(self.real), int((self.apart.sum(1) > 0).sum()))
 
 
 def nearest(distance: Tensor, among: Tensor) -> float:
     """Return the mean over rows of the least distance to the columns that `among` (R, C) leaves."""
     return distance.masked_fill(~among, float("inf")).amin(1).mean().item()
+
+
+def few_finding(seen: Evidence, seed: int) -> Finding:
+    """Say that there are too few pictures to judge by."""
+    count = seen.compared
+    score = Score(count, "real pictures that can be compared with one of another object", count, seed)
+    says = f"{count} pictures can be compared with others, which is too few to judge by"
+    return Finding("few", score, ENOUGH - 0.5, -math.inf, says, "give more pictures, at least a hundred")
 
 
 def match_finding(ratio: float, protocol: str, n: int, levels: tuple[float, float], seed: int) -> Finding:

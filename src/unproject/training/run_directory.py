@@ -42,6 +42,7 @@ from .recipe import Origin, Recipe
 
 VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
+LISTED = 5
 RESTORE = "restore it from a copy, or train again"
 HARMLESS = (*BUDGET, "checkpoint_every")
 """Fields that may differ between a run and its continuation."""
@@ -143,11 +144,20 @@ def write_json(path: Path, value: Any) -> None:
         temporary.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
 
 
+def _instead(path: Path) -> str:
+    """What there is in its place."""
+    if not path.exists():
+        fresh = "; `unproject studio --example` makes it" if path.name.startswith("example-") else ""
+        return f"there is no such folder{fresh}"
+    runs = sorted(file.parent.name for file in path.glob("*/recipe.json"))[:LISTED] if path.is_dir() else []
+    return "no recipe.json" + (f", but those of {', '.join(runs)} below" if runs else "")
+
+
 def read_recipe(path: Path) -> dict[str, Any]:
     """recipe.json. Raises UserError if `path` is no run or the file is damaged."""
     file = path / "recipe.json"
     if not file.is_file():
-        raise UserError(f"{path}: not a run directory (no recipe.json); give the folder that `--out` named")
+        raise UserError(f"{path}: not a run directory ({_instead(path)}); give the folder that `--out` named")
     content = read_json(file, RESTORE)
     with understood(file, RESTORE):
         for name, kind in (("recipe", str), ("arguments", dict), ("resolved", dict)):

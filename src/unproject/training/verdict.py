@@ -18,7 +18,7 @@ from .._random import generator_at
 from ..assignment import AssignmentState, Panel
 from ..data.splitting import RENDERED
 from ..domains import Domain
-from ..domains.evidence import ENOUGH, Evidence
+from ..domains.evidence import ENOUGH, Evidence, few_finding
 from ..metrics import WORDS, Finding, Score, Word, worst
 from ..networks import Generator
 
@@ -94,10 +94,10 @@ def judge(generator: Generator, domain: Domain, assignments: Sequence[Assignment
 
 
 def panel_findings(domain: Domain, state: AssignmentState, x: Tensor, seed: int) -> list[Finding]:
-    """Judge one panel by samples x; nothing if it has too few pictures."""
+    """Judge one panel by samples x; that it has too few pictures is doubtful, whatever else may be good."""
     seen = evidence(state, x, seed)
     if not seen.is_enough:
-        return []
+        return [few_finding(seen, seed)]
     found = state.findings(seen.real, seen.generated) + domain.picture_findings(seen, seed)
     shares = state.view_shares(torch.cat([seen.real, seen.others]))  # those held out may be few
     if shares is not None:
