@@ -151,3 +151,13 @@ def test_the_verb_shows_why_nothing_can_be_used_and_then_fails(tmp_path: Path, c
         picture.paste(255, (10, 10, 30, 30))
         picture.save(tmp_path / "e.png")
         run("inspect", tmp_path, out=tmp_path / "sheet.txt")
+
+
+def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(tmp_path: Path) -> None:
+    rows, columns = np.mgrid[:64, :64]
+    for k in range(3):  # diamonds: no outline is level
+        mask = (np.abs(rows - 32) + np.abs(columns - 32)) < 20 + k
+        Image.fromarray((255 * mask).astype(np.uint8)).save(tmp_path / f"{k}.png")
+    cropped, kept = inspect(tmp_path), inspect(tmp_path, framing=Framing(mode="keep"))
+    assert "but of cropped pictures shapes take it that they were level" in cropped.summary()[-1]
+    assert "shapes take it that cameras looked down, if pictures were not cropped" in kept.summary()[-1]

@@ -203,7 +203,8 @@ def test_inspect_shows_what_would_be_learned_from(tmp_path: Path, capsys: pytest
         wanted = 64 if side == 100 else 32
         assert json.loads(capsys.readouterr().out)["shape"] == [2, 1, wanted, wanted]
         assert main(["data", "inspect", str(data)]) == 0
-        said = capsys.readouterr().out.splitlines()[-1].strip()
+        said, few = (line.strip() for line in capsys.readouterr().out.splitlines()[-2:])
+        assert few == "2 pictures are few: a hundred at least are advised"
         assert said.startswith(f"shapes are learned at {wanted} voxels a side")
         assert said.endswith("; with --minutes under 30 at 32") == (wanted == 64)
         assert main(["data", "inspect", str(data), "--size", "48"]) == 0

@@ -98,6 +98,7 @@ def _say_how_to_train(path: Path, found: Inspection) -> None:
     if any("azimuth" in (collection.latents or {}) for collection in found.collections.values()):
         print("  azimuths are known: --views known trains with them")
     _say_size(path)
+    _say_if_few(found)
 
 
 def _say_size(path: Path) -> None:
@@ -110,6 +111,16 @@ def _say_size(path: Path) -> None:
     why = f", since these are fewer than {FEW:,} pictures; --size {LARGE} overrides" if few else ""
     short = f"; with --minutes under {LEAST_MINUTES:g} at {SMALL}" if chosen > SMALL else ""
     print(f"  shapes are learned at {chosen} voxels a side{short}{why}")
+
+
+ADVISED = 100
+
+
+def _say_if_few(found: Inspection) -> None:
+    """Say that shapes need more pictures than these."""
+    count = sum(len(collection) for collection in found.collections.values())
+    if count < ADVISED:
+        print(f"  {count} pictures are few: a hundred at least are advised")
 
 
 MATERIALS = ("wood", "metal", "plastic", "fabric", "correlated")

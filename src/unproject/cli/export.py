@@ -41,7 +41,7 @@ def run(
 
     Args:
         source: A run directory, an .npz of `unproject sample`, or a folder of textures.
-        out: The file (with the format's suffix) or the folder to write.
+        out: The file (with the format's suffix; meshes stand side by side in one) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
             turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
             planes); of a domain of your own what it exports (default: by the suffix of --out; of a folder glb of

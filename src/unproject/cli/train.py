@@ -59,7 +59,8 @@ def run(
     out = out or Path("runs") / f"{name}-{recipe.seed}"
     check_free(out)
     if not quiet:
-        say(f"{out}: watch it in a browser with unproject studio {shlex.quote(str(out.parent))}")
+        studio = f"unproject studio {shlex.quote(str(out.parent))}"
+        say(f"{out}: watch it in a browser with {studio}, or look at the pictures in {out}/samples")
     release()
     finished = train(recipe, out, start=from_, device=device, quiet=quiet, log=log)
     if not finished.step:

@@ -36,6 +36,7 @@ class Inspection:
         rows: (name, size, how it was read, "used" or why it was skipped), one for each file or item.
         notes: of materials, lines of text on what they are and what they show.
         materials: those of which patches are cut out, as they are.
+        cropped: whether each picture is cropped to its object as it is read.
     """
 
     source: str
@@ -43,6 +44,7 @@ class Inspection:
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()
     materials: Collection | None = None
+    cropped: bool = False
 
     @property
     def skipped(self) -> tuple[Row, ...]:
@@ -75,8 +77,10 @@ class Inspection:
         level = self.level_outlines()
         if level is None:
             return lines
-        cameras = "were level" if level > LEVEL else "looked down, if pictures were not cropped"
-        return [*lines, f"  {level:.0%} of straight outlines are level: shapes take it that cameras {cameras}"]
+        down = "it seems that cameras looked down, but of cropped pictures shapes take it that they were level"
+        down = down if self.cropped else "shapes take it that cameras looked down, if pictures were not cropped"
+        cameras = "shapes take it that cameras were level" if level > LEVEL else down
+        return [*lines, f"  {level:.0%} of straight outlines are level: {cameras}"]
 
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""
@@ -153,4 +157,5 @@ def _inspect_silhouettes(path: Path, how: How) -> Inspection:
     if not found.used:
         return Inspection(str(path), {}, tuple(rows))
     collection = found_of(path, tuple(found.skipped.items()), tuple(found.used), stacked(path, found))
-    return Inspection(str(path), {"silhouettes": Collection(**collection._asdict())}, tuple(rows))
+    cropped = how.framing is None or how.framing.mode == "crop"
+    return Inspection(str(path), {"silhouettes": Collection(**collection._asdict())}, tuple(rows), cropped=cropped)
