@@ -17,8 +17,10 @@ from PIL import Image
 
 from unproject._objects import find_object
 from unproject.cli import main
+from unproject.cli.evaluate import table
 from unproject.data import chairs
 from unproject.export import turntable
+from unproject.metrics import Score
 from unproject.training import Recipe, load
 from unproject.training.origin import rebuild
 
@@ -205,6 +207,12 @@ def test_scores_can_be_read_by_people_too(
     for note in notes.strip().splitlines():
         mark, _, text = note.partition(" ")
         assert scores.count(mark) > 1 and text not in scores
+
+
+def test_scores_of_equal_numbers_are_told_where_they_differ() -> None:
+    scores = {name: Score(value, "as given", 2) for name, value in {"a": 1, "a_equal": 1, "b": 1, "b_equal": 2}.items()}
+    told = [line.split()[0] for line in table(scores).splitlines() if line]
+    assert told == ["a", "b", "b_equal"]
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,11 @@ def run(
 
 
 def table(scores: Mapping[str, Score]) -> str:
-    """Return the scores and their protocols, a line each; long parts that several have in common are footnotes."""
+    """Return the scores and their protocols, a line each; long parts that several have in common are footnotes.
+
+    Scores of equally many samples and references are left out where they are those of all.
+    """
+    scores = {name: score for name, score in scores.items() if not _is_repeated(name, scores)}
     parts = {name: score.protocol.split(", ") for name, score in scores.items()}
     counts = Counter(part for own in parts.values() for part in own)
     common = [part for part, count in counts.items() if count > 1 and len(part) > LONG]
@@ -98,3 +102,8 @@ def table(scores: Mapping[str, Score]) -> str:
         for name, score in scores.items()
     ]
     return "\n".join([*lines, "", *(f"{mark} {part}" for part, mark in marks.items())])
+
+
+def _is_repeated(name: str, scores: Mapping[str, Score]) -> bool:
+    all_of_them = scores.get(name.removesuffix("_equal"))
+    return name.endswith("_equal") and all_of_them is not None and all_of_them.value == scores[name].value
