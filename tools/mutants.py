@@ -23,12 +23,14 @@ First the same tests run on an unmutated copy, where they must pass. Exit status
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import json
 import multiprocessing
 import os
 import re
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -83,12 +85,15 @@ class Trial:
     start: float
 
     def status(self) -> int | None:
-        """pytest's exit status; None if the process was killed because its time was up."""
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
-            return None
-        return self.process.exitcode
+        """pytest's exit status; None if the process was killed because its time was up.
+
+        What it started goes with it: trainings of several processes may outlive a test that fails.
+        """
+        late = self.process.is_alive()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid or 0, signal.SIGKILL)
+        self.process.join()
+        return None if late else self.process.exitcode
 
     def output(self) -> str:
         """What the tests printed."""
@@ -119,6 +124,7 @@ def start_tests(folder: Path, tests: Sequence[str]) -> Trial:
 
 def run_tests(folder: Path, tests: Sequence[str]) -> None:
     """Run pytest in this process, its output into a file, and end the process with its exit status."""
+    os.setsid()  # a group of its own, which is killed as a whole
     output = os.open(folder / "output.txt", os.O_WRONLY | os.O_CREAT)
     os.dup2(output, 1)
     os.dup2(output, 2)
