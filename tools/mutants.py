@@ -90,8 +90,10 @@ class Trial:
         What it started goes with it: trainings of several processes may outlive a test that fails.
         """
         late = self.process.is_alive()
+        assert self.process.pid is not None
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid or 0, signal.SIGKILL)
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.kill()
         self.process.join()
         return None if late else self.process.exitcode
 
