@@ -48,9 +48,15 @@ def test_a_shared_run_can_be_fitted_and_is_small(run: Path, tmp_path: Path) -> N
 
 
 def test_nothing_that_is_shared_names_a_folder_of_this_machine(run: Path, tmp_path: Path) -> None:
-    shared = save_pretrained(run, tmp_path / "shared")
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    environment = json.loads((copied / "environment.json").read_text())
+    (copied / "environment.json").write_text(json.dumps({**environment, "folder": str(tmp_path / "secret" / "x")}))
+    shared = save_pretrained(copied, tmp_path / "shared")
+    assert json.loads((shared / "environment.json").read_text())["folder"] == "x"
     for file in (*shared.glob("*.json"), shared / "README.md"):
-        assert str(run.parent) not in file.read_text(), file
+        text = file.read_text()
+        assert str(run.parent) not in text and str(tmp_path) not in text, file
     assert json.loads((shared / "environment.json").read_text())["command"][0]
 
 
