@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +12,15 @@ from skimage.transform import radon
 from torch import Tensor
 
 from unproject._types import UserError
-from unproject.data import Collection
-from unproject.data.measured_lines import about_middle, scale_of, standardised_lines, within_half_turn
+from unproject.data import Collection, inspect
+from unproject.data.measured_lines import (
+    about_middle,
+    are_intensities,
+    center_of,
+    scale_of,
+    standardised_lines,
+    within_half_turn,
+)
 from unproject.projections.line_integral import LineIntegral, directions
 
 RNG = np.random.default_rng(0)
@@ -131,3 +139,36 @@ def test_a_collection_keeps_its_names_and_other_latents() -> None:
     torch.testing.assert_close(made.items[0, 0, :8] * scale, found.items[0, 0])
     torch.testing.assert_close(made.items[1, 0, 1:].flip(-1) * scale, found.items[1, 0])
     assert standardised_lines(Collection(torch.rand(2, 1, 8)), 4).latents is None
+
+
+def discs(count: int, detectors: int, center: float) -> tuple[Tensor, Tensor]:
+    """Lines of one disc each, anywhere near the axis, and their angles."""
+    rng = torch.Generator().manual_seed(0)
+    angle = math.pi * torch.rand(count, generator=rng)  # half a turn: the mean of sines is not 0
+    x, y = 0.2 * detectors * (torch.rand(2, count, generator=rng) - 0.3)
+    place = torch.arange(detectors) - (center + x * angle.cos() + y * angle.sin())[:, None]
+    return (9 - place.square()).clamp(0).sqrt()[:, None], angle
+
+
+def test_the_axis_is_found_by_the_centroids() -> None:
+    for center in (15.5, 18.2):
+        found, error = center_of(*discs(400, 32, center))
+        assert abs(found - center) < 3 * error and error < 0.2
+
+
+def test_intensities_are_told_from_line_integrals() -> None:
+    lines, angle = discs(100, 32, 15.5)
+    assert are_intensities((-lines).exp()) and not are_intensities(lines)
+    measured = Collection((-lines).exp(), latents={"angle": angle})
+    with pytest.warns(UserWarning, match="higher at both ends than in the middle"):
+        standardised_lines(measured, 10)
+
+
+def test_inspect_says_where_the_axis_seems_to_be(tmp_path: Path) -> None:
+    for center, said in ((15.5, False), (18.2, True)):
+        lines, angle = discs(400, 32, center)
+        np.savez(tmp_path / "x.npz", lines=lines[:, 0].numpy(), angle=angle.numpy())
+        told = "\n".join(inspect(tmp_path / "x.npz").summary())
+        assert ("the axis of rotation seems to project to detector 18." in told) == said
+    np.savez(tmp_path / "x.npz", lines=(-lines[:, 0]).exp().numpy())
+    assert "as intensities are: take -log" in "\n".join(inspect(tmp_path / "x.npz").summary())

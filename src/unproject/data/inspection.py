@@ -11,7 +11,7 @@ from typing import Any, Literal
 from .._types import printable
 from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
-from .measured_lines import scale_of
+from .measured_lines import INTENSITIES, are_intensities, center_of, scale_of
 from .readers.arrays import LATENTS
 from .readers.found import Found, check_size
 from .readers.framing import Framing
@@ -22,6 +22,8 @@ from .reading import read
 from .sampling import spread_rows
 
 Row = tuple[str, str, str, str]
+LINES, OFF = 50, 0.25
+"""Lines of known angle that tell of their axis, and how many detectors from the middle are said."""
 SHOWN = 1024
 """Pictures at most whose outlines are looked at."""
 
@@ -115,8 +117,25 @@ def readings_of(collection: Collection) -> list[str]:
         return []
     lines = collection.floats()
     scale = scale_of(collection)
-    divided = "taken as they are" if scale == 1 else f"divided by {scale:g} for training"
-    return [f"  readings: {lines.min():g} to {lines.max():g}, {divided}"]
+    most = f"pictures show at most {scale / lines.shape[-1]:.3g} of their unit a detector's width"
+    divided = "taken as they are" if scale == 1 else f"divided by {scale:g} for training: {most}"
+    told = [f"  readings: {lines.min():g} to {lines.max():g}, {divided}"]
+    if are_intensities(lines):
+        told.append(f"  {INTENSITIES}")
+    return told + axis_of(collection)
+
+
+def axis_of(collection: Collection) -> list[str]:
+    """Return a line of text on the axis of rotation if known angles tell that it is off the middle of the detectors."""
+    angle, middle = (collection.latents or {}).get("angle"), (collection.shape[-1] - 1) / 2
+    if angle is None or len(angle) < LINES:
+        return []
+    center, error = center_of(collection.floats(), angle)
+    if abs(center - middle) < max(OFF, 4 * error):
+        return []
+    return [
+        f"  the axis of rotation seems to project to detector {center:.1f}, not to {middle:g}: see --center of train"
+    ]
 
 
 def inspect(

@@ -7,6 +7,7 @@ is x s / D of what was summed, in that unit a detector's width.
 from __future__ import annotations
 
 import math
+import warnings
 
 import torch
 import torch.nn.functional as F
@@ -23,6 +24,9 @@ LARGEST, SMALLEST = 1.0, 0.1
 TYPICAL = 0.5
 EDGE = 1e-6
 """Radians that an angle is kept from the ends of the half turn, so that rounding to float32 does not take it out."""
+INTENSITIES = "lines are higher at both ends than in the middle, as intensities are: take -log(I / I0) of those"
+TOLD, HIGHER = 20, 1.1
+"""Lines at least, and how much higher their ends are than the middle, if they surely are."""
 NEGATIVE = 0.1
 """Readings below 0, as a share of the largest, that pass for noise."""
 
@@ -45,7 +49,43 @@ def standardised_lines(found: Collection, bins: int, scale: float = 1.0, center:
     if latents is not None and "angle" in latents:
         lines, angle = within_half_turn(lines, latents["angle"], math.pi / 2 / bins)
         latents = latents | {"angle": angle}
+    if are_intensities(found.floats()):
+        warnings.warn(f"{found.source}: {INTENSITIES}", stacklevel=2)
     return Collection(lines / scale, names=found.names, latents=latents, skipped=found.skipped, source=found.source)
+
+
+def are_intensities(lines: Tensor) -> bool:
+    """Whether lines (N, 1, D) are on average higher at both ends than in the middle, as those of no object are."""
+    profile = lines.mean((0, 1))
+    end, quarter = -(-len(profile) // 8), len(profile) // 4
+    middle = profile[quarter : len(profile) - quarter].mean()
+    return len(lines) >= TOLD and bool(min(profile[:end].mean(), profile[-end:].mean()) > HIGHER * middle)
+
+
+def center_of(lines: Tensor, angle: Tensor) -> tuple[float, float]:
+    """Return the detector that the axis of rotation projects to, by the readings, and its standard error.
+
+    The centroid of a line at angle φ is c + x cos φ + y sin φ with the centre of mass (x, y) of its object (one of the
+    Helgason-Ludwig conditions): c is found by least squares, with the mean centre of all objects.
+
+    Examples:
+        >>> import torch
+        >>> angle = torch.linspace(0, 6, 60)
+        >>> place = torch.arange(16.0)
+        >>> lines = (-((place - 7 - 2 * angle.cos()[:, None]) ** 2)).exp()[:, None]
+        >>> center, error = center_of(lines, angle)
+        >>> round(center, 2), error < 0.01
+        (7.0, True)
+    """
+    mass = lines[:, 0].double()
+    seen = mass.sum(1) > 0
+    mass, angle = mass[seen], angle[seen].double()
+    places = (mass * torch.arange(mass.shape[1])).sum(1) / mass.sum(1)
+    waves = torch.stack([torch.ones_like(angle), angle.cos(), angle.sin()], 1)
+    found = torch.linalg.lstsq(waves, places[:, None], driver="gelsd").solution[:, 0]
+    deviation = (places - waves @ found).std() if len(places) > 3 else torch.tensor(math.inf)
+    inverse = torch.linalg.pinv(waves.T @ waves)
+    return found[0].item(), (deviation * inverse[0, 0].sqrt()).item()
 
 
 def about_middle(lines: Tensor, center: float | None, source: str = "memory") -> Tensor:

@@ -71,8 +71,17 @@ def test_latents_stand_beside_the_pictures(tmp_path):
     found = read(saved(tmp_path, sil=masks, azimuth=np.arange(3.0), elevation=np.zeros(3, np.float32)))
     assert found.latents is not None and found.latents["azimuth"].tolist() == [0, 1, 2]
     for wrong in (np.arange(2.0), np.array([0, 1, np.nan]), np.array(["a", "b", "c"])):
-        with pytest.raises(UserError, match="azimuth: is .*radians for each of 3"):
+        with pytest.raises(UserError, match="azimuth: is .*radians .or degrees. for each of 3"):
             read(saved(tmp_path, sil=masks, azimuth=wrong))
+
+
+def test_axes_in_another_order_and_bad_rows_are_said(tmp_path):
+    with pytest.raises(UserError, match=r"for each of 16; \(16, 5\) may have its axes in another order"):
+        read(saved(tmp_path, lines=np.ones((16, 5), np.float32), theta=np.arange(5.0)))
+    lines = np.ones((6, 8), np.float32)
+    lines[2, 1] = lines[4, :2] = np.nan
+    with pytest.raises(UserError, match=r"3 values that are NaN or infinite, in 2 of 6 rows \(row 2 is the first\)"):
+        read(saved(tmp_path, lines=lines))
 
 
 @pytest.mark.parametrize(("name", "spelling"), [("azimuth", "azimuths"), ("angle", "angles"), ("angle", "theta")])

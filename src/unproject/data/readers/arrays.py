@@ -57,7 +57,7 @@ def read_arrays(path: Path, how: How) -> Found:
     measured = key in (*LINES, *SINOGRAMS)
     stored = arrays[key]
     values = checked_values(stored, f"{path}: {key}", of_pictures=not measured)
-    latents = _latents(path, arrays, count_of_angles(key, values))
+    latents = _latents(path, arrays, count_of_angles(key, values), values.shape)
     if measured:
         return lines_of(path, key, values, latents)
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
@@ -147,9 +147,13 @@ def checked_values(values: np.ndarray, where: str, of_pictures: bool = True) -> 
     if values.dtype in (bool, np.uint8):
         return torch.from_numpy(values.view(np.uint8))
     kept = torch.from_numpy(values.astype(np.float32, copy=False))
-    bad = sum(int((~torch.isfinite(part)).sum()) for part in chunks(kept))
-    if bad:
-        raise UserError(f"{where}: has {bad} values that are NaN or infinite; replace them")
+    bad = torch.cat([(~torch.isfinite(part)).reshape(len(part), -1).sum(1) for part in chunks(kept)])
+    if bad.any():
+        rows = bad.nonzero()[:, 0]
+        raise UserError(
+            f"{where}: has {int(bad.sum())} values that are NaN or infinite, in {len(rows)} of {len(bad)} rows (row "
+            f"{int(rows[0])} is the first); leave these rows out, or replace the values"
+        )
     low, high = float(kept.min()), float(kept.max())
     if of_pictures and (low < 0 or high > 1):
         raise UserError(
@@ -159,7 +163,9 @@ def checked_values(values: np.ndarray, where: str, of_pictures: bool = True) -> 
     return kept
 
 
-def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[str, Tensor] | None:
+def _latents(
+    path: Path, arrays: Mapping[str, np.ndarray], count: int, shape: Sequence[int]
+) -> dict[str, Tensor] | None:
     found = {}
     for name, spellings in LATENTS.items():
         for spelling in (spelling for spelling in spellings if spelling in arrays):
@@ -167,9 +173,11 @@ def _latents(path: Path, arrays: Mapping[str, np.ndarray], count: int) -> dict[s
                 raise UserError(f"{path}: has `{spelling}` beside another array of the same; leave one of them")
             found[name] = value = arrays[spelling]
             if value.shape != (count,) or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
+                exchanged = value.ndim == 1 and len(value) in shape and len(value) != count
+                hint = f"; {tuple(shape)} may have its axes in another order" if exchanged else ""
                 raise UserError(
-                    f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians for each "
-                    f"of {count}"
+                    f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians (or "
+                    f"degrees) for each of {count}{hint}"
                 )
     return in_radians(path, found) or None
 
