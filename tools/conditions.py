@@ -89,7 +89,7 @@ def main() -> int:
             continue
         status, said = outcome(condition)
         good = status == condition.status and re.search(condition.says, said) is not None
-        found.append({"name": condition.name, "status": status, "said": said.strip()[-300:], "good": good})
+        found.append({"name": condition.name, "status": status, "said": said.strip()[:400], "good": good})
         print(f"{'good ' if good else 'WRONG'} {condition.name}: {status}: {said.strip()[-300:]!r}", flush=True)
     CAMPAIGN.mkdir(parents=True, exist_ok=True)
     (CAMPAIGN / "conditions.json").write_text(json.dumps(found, indent=1), encoding="utf-8")

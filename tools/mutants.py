@@ -13,9 +13,9 @@ names for it run in that copy with one thread. Outcomes:
     crashed     the tests' process was ended by a signal: the fault was noticed
     error       pytest could not run the tests (a wrong name, a module that cannot be imported): the table is wrong
 
-With --table each outcome is recorded in tools/campaign/mutants.json as it comes, with the commit, and a fault that is
-there already, with the same edits and tests, is not tried again: the table takes hours, and may be stopped. Delete the
-record to begin anew.
+With --table, by one process at a time, each outcome is recorded in tools/campaign/mutants.json as it comes, with the
+commit, and a fault that was noticed, with the same edits and tests, is not tried again: the table takes hours, and may
+be stopped. Delete the record to begin anew.
 
 First the same tests run on an unmutated copy, where they must pass. Exit status: 0 if every fault was noticed, else 1.
 """
@@ -249,6 +249,7 @@ def main() -> int:
     if not named:
         sys.exit(f"mutants: no name matches {asked.only!r}; leave out --only to try all {len(MUTANTS)}")
     if not chosen:
+        asked.table.write_text(table(), encoding="utf-8")
         print(f"mutants: {RECORD} has all {len(named)}; delete it to begin anew")
         return 0
     os.environ.update({"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"})

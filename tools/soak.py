@@ -84,7 +84,7 @@ def main() -> int:
 
 def soak(folder: Path, names: list[str], minutes: float) -> list[Soak]:
     """Train the recipes at once, and read their memory until they end."""
-    began = time.monotonic()
+    began, at = time.monotonic(), commit()
     running = {name: begin(folder / name, name, minutes) for name in names}
     readings: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
     while any(process.poll() is None for process in running.values()):
@@ -92,7 +92,7 @@ def soak(folder: Path, names: list[str], minutes: float) -> list[Soak]:
             if process.poll() is None and (held := megabytes(process.pid)):
                 readings[name].append((time.monotonic() - began, held))
         time.sleep(min(5.0, 0.3 * minutes))
-    return [told(folder / name, name, process, readings[name], minutes) for name, process in running.items()]
+    return [told(folder / name, name, process, readings[name], minutes, at) for name, process in running.items()]
 
 
 def begin(out: Path, name: str, minutes: float) -> subprocess.Popen[bytes]:
@@ -117,7 +117,7 @@ def megabytes(process: int) -> float:
 
 
 def told(
-    out: Path, name: str, process: subprocess.Popen[bytes], readings: list[tuple[float, float]], minutes: float
+    out: Path, name: str, process: subprocess.Popen[bytes], readings: list[tuple[float, float]], minutes: float, at: str
 ) -> Soak:
     """What the readings of a training say, by tenths of the time that it was asked to take."""
     tenths = [[held for when, held in readings if int(when / (6 * minutes)) == k] for k in range(10)]
@@ -125,7 +125,7 @@ def told(
     lines = out.with_suffix(".txt").read_text(encoding="utf-8", errors="replace").splitlines()
     said = (lines or [f"exit status {process.returncode}"])[-1] if process.returncode else ""
     steps = [int(path.stem.removeprefix("step-")) for path in (out / "checkpoints").glob("*.safetensors")]
-    return Soak(name, max(steps, default=0), minutes, medians, commit(), said)
+    return Soak(name, max(steps, default=0), minutes, medians, at, said)
 
 
 def record(soaks: list[Soak]) -> None:
@@ -134,7 +134,9 @@ def record(soaks: list[Soak]) -> None:
     known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
     kept = {entry["recipe"]: entry for entry in known} | {one.recipe: asdict(one) for one in soaks}
     text = json.dumps([kept[name] for name in RECIPES if name in kept], indent=1) + "\n"
-    file.write_text(text, encoding="utf-8")
+    unfinished = file.with_suffix(".new")
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(file)
 
 
 if __name__ == "__main__":

@@ -104,6 +104,10 @@ def test_some_samples_are_chosen_by_their_numbers(tmp_path, capsys):
         capsys.readouterr()
         assert main(["export", str(tmp_path / "x.npz"), "--only", *wrong.split(), "--out", str(tmp_path / "no")]) == 2
         assert (said if wrong != "-1" else "unproject: ") in capsys.readouterr().err
+    assert main([*words, "--out", str(tmp_path / "chosen.png")]) == 0
+    assert main(["export", str(tmp_path / "y.npz"), "--out", str(tmp_path / "anew.png")]) == 0
+    chosen, anew = (np.asarray(Image.open(tmp_path / f"{name}.png"), int) for name in ("chosen", "anew"))
+    assert chosen.shape == anew.shape and (chosen != anew).any()  # the numbers
     assert main([*words, "--n", "3", "--out", str(tmp_path / "no")]) == 2
     assert "samples have the numbers 0 to 2" in capsys.readouterr().err and not (tmp_path / "no").exists()
 

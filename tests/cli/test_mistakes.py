@@ -39,6 +39,15 @@ def test_both_frames_of_a_mistake_are_understood(frame: str) -> None:
     assert in_one_line(frame.format("No 3 is left.")) == "no 3 is left"
 
 
+def test_a_long_path_is_not_broken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    long = tmp_path / ("a-folder-of-pictures-" * 6) / "cutouts"
+    long.mkdir(parents=True)
+    assert main(["train", "shapes", str(long)]) == 2
+    assert f"Perhaps you meant `--data {long}`" in capsys.readouterr().err
+    assert main(["train", "shapes", "x" * 300]) == 2
+    assert "unrecognized options: xxx" in capsys.readouterr().err
+
+
 def test_what_is_no_run_says_what_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "runs" / "birds").mkdir(parents=True)
     (tmp_path / "runs" / "birds" / "recipe.json").write_text("{}", encoding="utf-8")

@@ -13,10 +13,11 @@ import dataclasses
 import inspect
 import io
 import math
+import os
 import types
 import typing
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -206,7 +207,7 @@ def _description(function: Callable[..., Any]) -> str:
 def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
     said = io.StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(said), _wide_unless_asked_for_help(argv):
             read = tyro.cli(options, args=list(argv), prog=f"unproject {verb}", config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as end:
         if not end.code:
@@ -217,6 +218,19 @@ def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
     for name, value in values.items():
         _check_number(name, value)
     return values
+
+
+@contextmanager
+def _wide_unless_asked_for_help(argv: Sequence[str]) -> Iterator[None]:
+    """Keep tyro from breaking the lines of a mistake, and long words, at the terminal's width."""
+    before = os.environ.get("COLUMNS")
+    if not {"-h", "--help"} & set(argv):
+        os.environ["COLUMNS"] = "10000"
+    try:
+        yield
+    finally:
+        os.environ.pop("COLUMNS", None)
+        os.environ.update({} if before is None else {"COLUMNS": before})
 
 
 def _check_number(name: str, value: Any) -> None:

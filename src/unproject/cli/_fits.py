@@ -18,7 +18,7 @@ from PIL import Image
 from .._files import atomic_path, read_json, understood
 from .._types import UserError, printable
 from ..data.readers.arrays import load_arrays
-from ..export import MATERIAL_FORMATS, MESH_FORMATS, picture_sheet, save_image
+from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..training.description import describe
 from ..training.fitted_pictures import doubts, object_of, view_of
 from ..training.seen import as_seen
@@ -141,8 +141,7 @@ def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:
         np.savez_compressed(stream, **{name: value.numpy() for name, value in arrays.items()})  # pyright: ignore
     file = folder / ("textures" if job.to in MATERIAL_FORMATS else f"{folder.name}.{job.to}")
     if not domain.empty(fit.x[:1]):
-        options = {"largest": True} if job.to in MESH_FORMATS else {}
-        domain.exporters[job.to](domain.largest_part(fit.x[:1]), file, **options)
+        domain.write(fit.x[:1], job.to, file)
     seen = [as_seen(job.fitter.viewing.projection, y) for y in (pictures, fit.projected)]
     pairs = torch.stack(seen, 1).flatten(0, 1)
     shown = picture_sheet(pairs, columns=2, cell=CELL)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 from .._objects import nearest
 
@@ -34,11 +34,13 @@ def plainly(wrong: str, flags: Sequence[str]) -> str:
     if choice:
         given, argument, known = choice[1], choice[2], choice[3].replace("'", "").replace(",", "").split()
         return f"{argument} {given!r}: choose from {', '.join(known)}{nearest(given, known)}"
-    number = re.match(
-        r"error parsing (--\S+): (invalid literal for int|could not convert string to float).*: (.*)", wrong
-    )
+    number = re.match(r"error parsing (--\S+): (could not convert string to float|invalid literal for int)", wrong)
     if number:
-        return f"{number[1]} {number[3]}: give a {'whole ' if 'int' in number[2] else ''}number"
+        given = wrong[number.end() :].partition(": ")[2]
+        return f"{number[1]} {given}: give a {'whole ' if 'int' in number[2] else ''}number"
+    several = re.match(r"error parsing (--\S+): Could not find valid parse for arguments: (.*)", wrong)
+    if several:
+        return f"{several[1]} {several[2]}: these are no values of it"
     missing = _missing(wrong)
     return f"give {' and '.join(missing)}" if missing else wrong
 
@@ -59,5 +61,5 @@ def _meant_flags(wrong: str, flags: Sequence[str]) -> str:
 def _meant_data(wrong: str, flags: Sequence[str]) -> str:
     """A path that stands alone is meant as the data."""
     words = wrong.partition(": ")[2].split(", ")
-    paths = [word for word in words if not word.startswith("-") and Path(word).exists()]
+    paths = [word for word in words if not word.startswith("-") and os.path.exists(word)]
     return f". Perhaps you meant `--data {paths[0]}`" if paths and "data" in flags else ""

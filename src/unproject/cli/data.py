@@ -118,8 +118,8 @@ ADVISED = 100
 
 def _say_if_few(found: Inspection) -> None:
     """Say that shapes need more pictures than these."""
-    count = sum(len(collection) for collection in found.collections.values())
-    if count < ADVISED:
+    count = len(found.collections.get("silhouettes", ()))
+    if 0 < count < ADVISED:
         print(f"  {count} pictures are few: a hundred at least are advised")
 
 

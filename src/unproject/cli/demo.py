@@ -44,7 +44,7 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
         warn_if_empty(trained.domain, chairs)
     else:
         export.turntable(chairs, out / "turntable.gif")
-        export.glb(chairs, out / "glb", largest=True)
+        trained.domain.write(chairs, "glb", out / "glb")
         written += ", turntable.gif, glb/"
     conclude(trained, quiet=False)
     leave_report(trained, quiet=False)

@@ -63,22 +63,16 @@ def run(
     """
     import torch
 
-    from .. import export
     from ..training.run_directory import naming
 
     found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)
     to = to or _format_of(out, found.domain)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
-    if to in export.MESH_FORMATS:
-        options["largest"] = largest_part
-    if only and to in (*export.MESH_FORMATS, "vox"):
-        options["names"] = [f"shape_{number:02d}" for number in only]
     if "depth" in options and fresnel is not None:
         options["fresnel"] = fresnel
     x = _hull(found.x) if hull else torch.as_tensor(found.x)
-    x = found.domain.largest_part(x) if largest_part else x
     with naming(out):
-        written = found.domain.exporters[to](x, out, **options)
+        written = found.domain.write(x, to, out, largest_part=largest_part, numbers=only or None, **options)
     _report(written)
     if not written.skipped:
         warn_if_empty(found.domain, x)
@@ -126,7 +120,7 @@ def _count(n: int | None, only: tuple[int, ...]) -> int | None:
     Raises:
         UserError: for numbers that are none of theirs, or that come twice.
     """
-    if not only:
+    if not only or n is not None and n < 1:
         return n
     if min(only) < 0 or len(set(only)) < len(only) or (n is not None and max(only) >= n):
         known = "0, 1, 2, …" if n is None else f"0 to {n - 1}"

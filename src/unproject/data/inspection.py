@@ -12,10 +12,10 @@ from .._types import printable
 from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
 from .measured_lines import INTENSITIES, are_intensities, center_of, scale_of
-from .readers.arrays import LATENTS
 from .readers.found import Found, check_size
 from .readers.framing import Framing
 from .readers.how import How
+from .readers.latents import LATENTS
 from .readers.paths import holds_shapes
 from .readers.pictures import found_of, stacked, survey_pictures
 from .reading import read

@@ -171,6 +171,26 @@ class Domain(ABC):
         """Return format → exporter."""
         return {"npz": self.write_arrays, "png": partial(self.write_preview, suffix=".png")}
 
+    def write(
+        self,
+        x: Tensor,
+        to: str,
+        path: str | PathLike[str],
+        *,
+        largest_part: bool = True,
+        numbers: Sequence[int] | None = None,
+        **options: Any,
+    ) -> Written:
+        """Write samples x (N, ...) in one of `exporters`.
+
+        Args:
+            to: the format.
+            largest_part: leave out the parts that float.
+            numbers: of the samples, where a format names them (default: from 0).
+            options: of the exporter.
+        """
+        return self.exporters[to](self.largest_part(x) if largest_part else x, path, **options)
+
     def write_arrays(self, x: Tensor, path: str | PathLike[str]) -> Written:
         """Write the arrays, at the path if it ends in .npz, else samples.npz in that folder."""
         path = Path(path) if Path(path).suffix.lower() == ".npz" else Path(path) / "samples.npz"

@@ -64,7 +64,7 @@ def few_finding(seen: Evidence, seed: int) -> Finding:
     count = seen.compared
     score = Score(count, "real pictures that can be compared with one of another object", count, seed)
     says = f"{count} pictures can be compared with others, which is too few to judge by"
-    return Finding("few", score, ENOUGH - 0.5, -math.inf, says, "give more pictures, at least a hundred")
+    return Finding("few", score, max(count, ENOUGH), -math.inf, says, "give more pictures, at least a hundred")
 
 
 def match_finding(ratio: float, protocol: str, n: int, levels: tuple[float, float], seed: int) -> Finding:

@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from unproject._types import UserError
-from unproject.export._volumes import Written
+from unproject.export._volumes import Written, names_of
 from unproject.export.arrays import npz
 from unproject.export.material_gltf import material_gltf
 from unproject.export.material_x import material_x
@@ -38,7 +38,7 @@ from unproject.export.vox import vox
 __all__ = [
     "FORMATS",
     "MATERIAL_FORMATS",
-    "MESH_FORMATS",
+    "MESHES",
     "Written",
     "contact_sheet",
     "gallery",
@@ -51,6 +51,7 @@ __all__ = [
     "material_sheet",
     "material_x",
     "mesh",
+    "names_of",
     "npz",
     "obj",
     "picture_sheet",
@@ -74,7 +75,8 @@ FORMATS: dict[str, Callable[..., Written]] = {
 }
 """Format → the function (volumes, path, **options) that writes it; png is the contact sheet, gif the turntable."""
 
-MESH_FORMATS = ("glb", "obj", "ply")
+MESHES = (glb, obj, ply)
+"""Exporters that take `largest`, and `names` as `vox` does."""
 
 MATERIAL_FORMATS: dict[str, Callable[..., Written]] = {
     "maps": material_maps,

@@ -42,16 +42,16 @@ def as_batch(volumes: ArrayLike) -> np.ndarray:
     return batch
 
 
-def numbered(n: int) -> tuple[str, ...]:
+def names_of(numbers: Sequence[int]) -> tuple[str, ...]:
     """shape_00, shape_01, ...: names that sort in order."""
-    digits = max(2, len(str(n - 1)))
-    return tuple(f"shape_{i:0{digits}d}" for i in range(n))
+    digits = max(2, len(str(max(numbers, default=0))))
+    return tuple(f"shape_{number:0{digits}d}" for number in numbers)
 
 
 def names_for(batch: np.ndarray, names: Sequence[str] | None) -> tuple[str, ...]:
     """The names given, checked, or numbers."""
     if names is None:
-        return numbered(len(batch))
+        return names_of(range(len(batch)))
     if len(set(names)) != len(batch):
         raise UserError(f"{len(batch)} shapes need {len(batch)} different names, {len(set(names))} were given")
     return tuple(names)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:  # trimesh is imported where it is used: it takes as long as a
 CLAY = (0.62, 0.43, 0.32)
 # A volume is two units wide.
 _SPACING = 2.5
+MOST_TRIED = 4_000_000
+"""Triangles that decimation looks at in all its attempts at a step, some thirty seconds."""
 
 
 def mesh(
@@ -45,7 +47,7 @@ def mesh(
         smooth: rounds of smoothing against voxel steps; 0 keeps the steps.
         min_fraction: loose parts smaller than this part of the largest are dropped; hollows are filled.
         largest: all parts but the largest are dropped.
-        faces: a budget of triangles; a mesh that no decimation to it leaves closed has more, and a warning says so.
+        faces: a budget of triangles; if no closed mesh of so few is found there are more, and a warning says so.
         name: how an error calls the shape.
 
     Raises:
@@ -158,30 +160,36 @@ def _decimated(surface: trimesh.Trimesh, faces: int | None, name: str) -> trimes
     while faces is not None and faces < len(surface.faces):
         smaller = _collapsed(surface, faces)
         if smaller is None:
-            warnings.warn(f"{name} keeps {len(surface.faces)} triangles: fewer would open or fold it", stacklevel=3)
+            kept = f"{name} keeps {len(surface.faces)} triangles"
+            warnings.warn(f"{kept}: no smaller closed mesh was found", stacklevel=3)
             return surface
         surface = smaller
     return surface
 
 
 def _collapsed(surface: trimesh.Trimesh, faces: int) -> trimesh.Trimesh | None:
-    """A smaller closed mesh, of at most so many triangles if one is found.
+    """A smaller mesh that is as closed, of at most so many triangles if one is found.
 
-    Whether collapses open or fold a mesh is a matter of their order, which the library's aggressiveness changes.
+    Whether collapses open or fold a mesh is a matter of their order, which the library's aggressiveness changes. Of
+    large meshes fewer orders are tried.
     """
     import fast_simplification  # only those who ask for a budget pay for it
     import trimesh
 
     points, triangles = np.asarray(surface.vertices, np.float32), np.asarray(surface.faces, np.int32)
-    for share in (1.0, 0.5, 0.1):  # of the way there
+    ways = [(share, aggressiveness) for aggressiveness in (7, 5, 10, 3) for share in (1.0, 0.5, 0.1)]
+    for share, aggressiveness in ways[: max(1, MOST_TRIED // len(triangles))]:  # a share of the way there
         target = int(len(triangles) ** (1 - share) * faces**share)
-        for aggressiveness in (7, 5, 10, 3):
-            found = fast_simplification.simplify(points, triangles, target_count=target, agg=aggressiveness)
-            smaller = trimesh.Trimesh(*found, process=False)
-            closed = smaller.is_watertight and smaller.is_winding_consistent and smaller.volume > 0
-            if closed and len(smaller.faces) < len(triangles):
-                return smaller
+        found = fast_simplification.simplify(points, triangles, target_count=target, agg=aggressiveness)
+        smaller = trimesh.Trimesh(*found, process=False)
+        if len(smaller.faces) < len(triangles) and _is_closed(smaller) and smaller.body_count == surface.body_count:
+            return smaller
     return None
+
+
+def _is_closed(surface: trimesh.Trimesh) -> bool:
+    with np.errstate(all="ignore"):  # of triangles without area
+        return bool(surface.is_watertight and surface.is_winding_consistent and surface.volume > 0)
 
 
 def _clay() -> PBRMaterial:

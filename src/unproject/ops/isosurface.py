@@ -94,7 +94,10 @@ def _parts_kept(vertices: np.ndarray, faces: np.ndarray, fraction: float) -> tup
         return vertices, faces
     a, b, c = (vertices[faces] - vertices.mean(0)).swapaxes(0, 1)
     volumes = np.bincount(of_vertex[faces[:, 0]], (np.cross(a, b) * c).sum(1), count)
-    kept = (volumes >= fraction * volumes.max())[of_vertex]
+    kept = volumes >= fraction * volumes.max()
+    if fraction >= 1:  # one of several that are as large
+        kept = np.arange(count) == volumes.argmax()
+    kept = kept[of_vertex]
     numbers = np.cumsum(kept) - 1
     return vertices[kept], numbers[faces[kept[faces[:, 0]]]]
 

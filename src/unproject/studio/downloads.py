@@ -29,7 +29,7 @@ def exported(domain: Domain, x: Tensor, to: str, name: str) -> Answer:
     name = plain(name)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / (name if to in export.MATERIAL_FORMATS else f"{name}.{to}")
-        domain.exporters[to](x, target, **({"largest": True} if to in export.MESH_FORMATS else {}))
+        domain.write(x, to, target)
         return _packed(Path(folder), name)
 
 

@@ -147,7 +147,7 @@ def write_json(path: Path, value: Any) -> None:
 def _instead(path: Path) -> str:
     """What there is in its place."""
     if not path.exists():
-        fresh = "; `unproject studio --example` makes it" if path.name.startswith("example-") else ""
+        fresh = "; `unproject studio --example` makes it" if path.name == "example-chairs" else ""
         return f"there is no such folder{fresh}"
     runs = sorted(file.parent.name for file in path.glob("*/recipe.json"))[:LISTED] if path.is_dir() else []
     return "no recipe.json" + (f", but those of {', '.join(runs)} below" if runs else "")

@@ -86,10 +86,15 @@ def test_axes_in_another_order_and_bad_rows_are_said(tmp_path):
 
 @pytest.mark.parametrize(("name", "spelling"), [("azimuth", "azimuths"), ("angle", "angles"), ("angle", "theta")])
 def test_known_views_in_other_spellings_are_not_ignored(tmp_path, name, spelling):
-    found = read(saved(tmp_path, sil=masks, **{spelling: np.arange(3.0)}))
+    data = {"lines": np.ones((3, 8), np.float32)} if name == "angle" else {"sil": masks}
+    found = read(saved(tmp_path, **data, **{spelling: np.arange(3.0)}))
     assert found.latents is not None and found.latents[name].tolist() == [0, 1, 2]
     with pytest.raises(UserError, match=f"`{spelling}` beside another array of the same"):
-        read(saved(tmp_path, sil=masks, **{spelling: np.arange(3.0), name: np.arange(3.0)}))
+        read(saved(tmp_path, **data, **{spelling: np.arange(3.0), name: np.arange(3.0)}))
+
+
+def test_arrays_beside_pictures_that_are_called_angles_are_none_of_ours(tmp_path):
+    assert read(saved(tmp_path, sil=masks, angles=np.zeros((5, 3)), theta=np.arange(7.0))).latents is None
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 Values are bool, uint8 (shares of 255) or float in [0, 1]. Pictures are (N, H, W), (N, C, H, W) or (N, H, W, C) with
 C of 1, 3 or 4; volumes (N, X, Y, Z). Line integrals, in any unit and of any type of number, are (N, D) or (N, 1, D),
 named `lines`, or sinograms (M, D, A), named `sinograms`. Known views may stand beside them as `azimuth` and
-`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π (`LATENTS` has other spellings);
+`elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π (other spellings: `LATENTS`);
 so may `names` (N,) of items, and what was left out as `skipped` and `reasons` (M,). A .npy file, and what is large in
 an .npz that is not compressed, is mapped into memory, not read; pictures of it are resampled by the batch.
 """
@@ -31,17 +31,12 @@ from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .how import How
 from .images import as_images
-from .lines import LINES, SINOGRAMS, count_of_angles, in_radians, lines_of
+from .latents import latents_of
+from .lines import LINES, SINOGRAMS, count_of_angles, lines_of
 from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
-LATENTS = {
-    "azimuth": ("azimuth", "azimuths"),
-    "elevation": ("elevation", "elevations"),
-    "angle": ("angle", "angles", "theta", "thetas"),
-}
-"""Known views, and the names that an array of them may have."""
 
 
 def read_arrays(path: Path, how: How) -> Found:
@@ -57,7 +52,7 @@ def read_arrays(path: Path, how: How) -> Found:
     measured = key in (*LINES, *SINOGRAMS)
     stored = arrays[key]
     values = checked_values(stored, f"{path}: {key}", of_pictures=not measured)
-    latents = _latents(path, arrays, count_of_angles(key, values), values.shape)
+    latents = latents_of(path, arrays, count_of_angles(key, values), values.shape, measured)
     if measured:
         return lines_of(path, key, values, latents)
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
@@ -161,25 +156,6 @@ def checked_values(values: np.ndarray, where: str, of_pictures: bool = True) -> 
             "any unit lie in an .npz, as `sinograms` (M, D, A) or `lines` (N, D)"
         )
     return kept
-
-
-def _latents(
-    path: Path, arrays: Mapping[str, np.ndarray], count: int, shape: Sequence[int]
-) -> dict[str, Tensor] | None:
-    found = {}
-    for name, spellings in LATENTS.items():
-        for spelling in (spelling for spelling in spellings if spelling in arrays):
-            if name in found:
-                raise UserError(f"{path}: has `{spelling}` beside another array of the same; leave one of them")
-            found[name] = value = arrays[spelling]
-            if value.shape != (count,) or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
-                exchanged = value.ndim == 1 and len(value) in shape and len(value) != count
-                hint = f"; {tuple(shape)} may have its axes in another order" if exchanged else ""
-                raise UserError(
-                    f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians (or "
-                    f"degrees) for each of {count}{hint}"
-                )
-    return in_radians(path, found) or None
 
 
 def _names(arrays: Mapping[str, np.ndarray], count: int) -> Sequence[str] | None:

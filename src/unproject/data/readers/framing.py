@@ -7,8 +7,8 @@
    border needs `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1).
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
-   least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph whose border belongs to the
-   object by more than a third stands before no plain backdrop, and is skipped unless a polarity is given.
+   least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph of whose border nearly
+   half belongs to the object stands before no plain backdrop, and is skipped unless a polarity is given.
 3. Crop. The object's bounding box is centred in a square whose side is the box's longer side / `fill`
    (0.85: a margin of 7.5 % on both sides). Aspect is kept. What the square takes in beyond the picture is empty.
 4. Resampling. Every pixel of the (size, size) result is the share of its area that the object covers, a
@@ -37,7 +37,7 @@ Mode = Literal["crop", "keep"]
 Polarity = Literal["auto", "light", "dark"]
 Window = tuple[float, float, float]
 
-UNEVEN = 1 / 3
+UNEVEN = 0.47
 """Share of a photograph's border that may differ from its backdrop: close crops touch it, grass below sky is half."""
 
 
@@ -165,8 +165,8 @@ def _check_backdrop(mask: np.ndarray) -> None:
     share = _border(mask).mean()
     if share > UNEVEN:
         raise UnusablePicture(
-            f"no plain backdrop: {share:.0%} of the photograph's border differ from it; cut the object out, or raise "
-            "--threshold"
+            f"no plain backdrop: {share:.0%} of the photograph's border differ from it; cut the object out, or give "
+            "--polarity or --threshold"
         )
 
 

@@ -1,0 +1,29 @@
+"""Volumes: what they are written as."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+import trimesh
+
+from unproject.domains import Volumes
+from unproject.export import Written
+
+
+def test_an_exporter_of_ones_own_is_given_what_it_takes(tmp_path: Path) -> None:
+    """It may have the name of one of ours, which takes more."""
+
+    class Own(Volumes):
+        @property
+        def exporters(self):  # noqa: ANN202
+            return {**super().exporters, "obj": lambda x, path: Written((Path(path),))}
+
+    x = torch.zeros(2, 8, 8, 8)
+    x[:, 2:4, 2:4, 2:4] = x[:, 4:6, 4:6, 4:6] = 1
+    assert Own().write(x, "obj", tmp_path / "x.obj", numbers=(3, 5)).paths == (tmp_path / "x.obj",)
+    Own().write(x, "ply", tmp_path / "ply", numbers=(3, 5))
+    assert sorted(file.name for file in (tmp_path / "ply").iterdir()) == ["shape_03.ply", "shape_05.ply"]
+    for part, count in ((True, 1), (False, 2)):
+        Own().write(x, "ply", tmp_path / f"{part}", largest_part=part)
+        assert trimesh.load(tmp_path / f"{part}" / "shape_00.ply", force="mesh").body_count == count
