@@ -144,7 +144,7 @@ def test_a_crumb_goes_with_its_rim_and_nothing_else() -> None:
 def test_the_surface_is_that_of_the_part() -> None:
     rng = np.random.default_rng(0)
     x = torch.from_numpy(rng.random((1, 12, 12, 12))) ** 2 * 0.8
-    found, wanted = isosurface(largest_part(x)[0].numpy()), isosurface(x[0].numpy(), largest=True)
+    found, wanted = isosurface(largest_part(x)[0].numpy(), largest=True), isosurface(x[0].numpy(), largest=True)
     assert len(number_parts((x[0] > 0.5).numpy())[1]) > 5 and len(wanted[0]) > 50
     assert np.array_equal(found[0], wanted[0]) and np.array_equal(found[1], wanted[1])
 
