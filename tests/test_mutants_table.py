@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import sys
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -49,13 +50,18 @@ def test_the_old_text_occurs_once_and_the_mutated_file_still_compiles(mutant) ->
             compile(text, str(file), "exec")
 
 
+@cache
+def functions_of(file: str) -> set[str]:
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
 @EACH
 def test_the_named_tests_exist(mutant) -> None:  # noqa: ANN001
     assert mutant.tests
     for test in mutant.tests:
         file, _, function = test.partition("::")
-        tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
-        assert not function or function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, test
+        assert not function or function in functions_of(file), test
 
 
 @pytest.mark.parametrize("old, new, count", [("y", "x", 0), ("x", "y", 2), ("1", "1", 1)])
