@@ -33,7 +33,7 @@ from unproject.report import write_report, writing
 from unproject.report.contents import Contents
 from unproject.report.materials import material_data
 from unproject.report.sections import views_of
-from unproject.training import Recipe, Run, train
+from unproject.training import Recipe, Run, load, train
 
 SIDE = 16
 SHAPES = {"volumes": (SIDE,) * 3, "images": (1, SIDE, SIDE), "maps": (8, SIDE, SIDE)}
@@ -190,8 +190,8 @@ def test_images_have_no_viewer(runs: Callable[[str], Run], tmp_path: Path) -> No
 
 
 def test_the_same_run_gives_the_same_page(runs: Callable[[str], Run], tmp_path: Path) -> None:
-    state = torch.get_rng_state()
-    pages = [write_report(runs("maps"), tmp_path / name).read_bytes() for name in ("a.html", "b.html")]
+    run, state = runs("maps"), torch.get_rng_state()
+    pages = [write_report(run, tmp_path / name).read_bytes() for name in ("a.html", "b.html")]
     assert pages[0] == pages[1]
     assert torch.get_rng_state().equal(state)
 
@@ -348,3 +348,11 @@ def test_views_whose_numbers_are_beyond_all_bounds_have_no_angles() -> None:
     prior = {"name": "azimuth", "low": 10**400, "high": 10**400}
     labels, unit = views_of([{"observations": [{"prior": prior}, {"prior": prior}]}], 0, 2)
     assert len(labels) == 2 and "degrees" not in unit
+
+
+def test_seconds_that_no_training_took_are_no_advice(shapes: Run, tmp_path: Path) -> None:
+    copied = tmp_path / "copied"
+    shutil.copytree(shapes.path, copied)
+    with (copied / "stats.jsonl").open("a", encoding="utf-8") as log:
+        log.write('{"step": 1, "seconds": 1.7e308}\n')
+    assert "--minutes 1000000" in write_report(load(copied), tmp_path / "x.html").read_text(encoding="utf-8")

@@ -17,6 +17,8 @@ from .pictures import Picture
 
 WORDS = ("good", "doubtful", "failed")
 FEWEST_LABELS, WIDTH = 16, 900
+LONGEST = 1e6
+"""Minutes at most that a further training is advised: a damaged log may say anything."""
 
 
 def verdict_section(contents: Contents, training: bool = False) -> str:
@@ -195,7 +197,7 @@ def commands_section(contents: Contents) -> str:
     function = str(contents.recipe.get("function", ""))
     again = " --trust" if function and not function.startswith("unproject.") else ""  # it makes the recipe again
     drawn = " --trust" if is_foreign(contents.path) else ""
-    minutes = math.ceil(2 * max(contents.seconds, 30) / 60)
+    minutes = math.ceil(min(2 * max(contents.seconds, 30) / 60, LONGEST))
     further = f"unproject resume {run}" + (f" --minutes {minutes}" if contents.complete else "")
     folder, meshes = (shlex.quote(str(contents.path / name)) for name in ("samples.png", "meshes"))
     domain = contents.recipe["resolved"].get("domain")
