@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from torch import Tensor
+
 from .._types import printable
 from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
@@ -122,15 +124,15 @@ def readings_of(collection: Collection) -> list[str]:
     told = [f"  readings: {lines.min():g} to {lines.max():g}, {divided}"]
     if are_intensities(lines):
         told.append(f"  {INTENSITIES}")
-    return told + axis_of(collection)
+    return told + axis_of(collection, lines)
 
 
-def axis_of(collection: Collection) -> list[str]:
+def axis_of(collection: Collection, lines: Tensor) -> list[str]:
     """Return a line of text on the axis of rotation if known angles tell that it is off the middle of the detectors."""
     angle, middle = (collection.latents or {}).get("angle"), (collection.shape[-1] - 1) / 2
     if angle is None or len(angle) < LINES:
         return []
-    center, error = center_of(collection.floats(), angle)
+    center, error = center_of(lines, angle)
     if abs(center - middle) < max(OFF, 4 * error):
         return []
     return [

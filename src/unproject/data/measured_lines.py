@@ -45,12 +45,13 @@ def standardised_lines(found: Collection, bins: int, scale: float = 1.0, center:
     """
     if not 0 < scale < math.inf:
         raise UserError(f"{found.source}: scale={scale:g}: give what readings are divided by, a positive number")
-    lines, latents = about_middle(found.floats(), center, found.source), found.latents
+    readings, latents = found.floats(), found.latents
+    if are_intensities(readings):
+        warnings.warn(f"{found.source}: {INTENSITIES}", stacklevel=2)
+    lines = about_middle(readings, center, found.source)
     if latents is not None and "angle" in latents:
         lines, angle = within_half_turn(lines, latents["angle"], math.pi / 2 / bins)
         latents = latents | {"angle": angle}
-    if are_intensities(found.floats()):
-        warnings.warn(f"{found.source}: {INTENSITIES}", stacklevel=2)
     return Collection(lines / scale, names=found.names, latents=latents, skipped=found.skipped, source=found.source)
 
 

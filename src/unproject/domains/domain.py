@@ -189,7 +189,13 @@ class Domain(ABC):
             numbers: of the samples, where a format names them (default: from 0).
             options: of the exporter.
         """
-        return self.exporters[to](self.largest_part(x) if largest_part else x, path, **options)
+        exporter = self.exporters[to]
+        options |= self.options_of(exporter, largest_part, numbers)
+        return exporter(self.largest_part(x) if largest_part else x, path, **options)
+
+    def options_of(self, exporter: Exporter, largest_part: bool, numbers: Sequence[int] | None) -> dict[str, Any]:
+        """Return the options by which an exporter leaves out parts that float, and names samples by their numbers."""
+        return {}
 
     def write_arrays(self, x: Tensor, path: str | PathLike[str]) -> Written:
         """Write the arrays, at the path if it ends in .npz, else samples.npz in that folder."""

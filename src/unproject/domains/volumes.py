@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,7 +14,6 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
-from ..export import Written
 from ..metrics import Finding, Score, one_minus_iou, picture_scores, shape_scores, silhouette_scores
 from ..ops.framing import unit_sized
 from ..ops.layout import repeated_volumes
@@ -130,24 +128,13 @@ class Volumes(Domain):
     def read(self, path: Path, size: int) -> Collection:
         return read(path, size=size)
 
-    def write(
-        self,
-        x: Tensor,
-        to: str,
-        path: str | PathLike[str],
-        *,
-        largest_part: bool = True,
-        numbers: Sequence[int] | None = None,
-        **options: Any,
-    ) -> Written:
-        exporter = self.exporters[to]
-        if exporter in export.MESHES:
-            options["largest"] = largest_part
+    def options_of(self, exporter: Exporter, largest_part: bool, numbers: Sequence[int] | None) -> dict[str, Any]:
+        options: dict[str, Any] = {"largest": largest_part} if exporter in export.MESHES else {}
         if numbers is not None and exporter in (*export.MESHES, export.vox):
             options["names"] = export.names_of(numbers)
         if numbers is not None and exporter is export.sheet_file:
             options["names"] = [str(number) for number in numbers]
-        return super().write(x, to, path, largest_part=largest_part, **options)
+        return options
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:
