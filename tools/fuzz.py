@@ -14,7 +14,7 @@ milliseconds, with a limit on memory and time. It may end with
 
     0    and nothing on stderr but lines that begin with `warning: ` or `skipped `, or
     2    and one printable line on stderr that begins with `unproject: `, with no output left behind (after one that
-         says that training was rolled back, where it was),
+         says that training was rolled back, where it was; a training that broke down has begun, and its run stays),
 
 within the time, and in 512 MiB and 20 times the input. All else is a finding. Exit status: 1 if there is one.
 """
@@ -56,6 +56,7 @@ BLOCK = 500
 SAID = re.compile(r"(training [^\n]+; rolling back to step \d+[^\n]+\n)?unproject: [^\n]+\n")
 REMARKS = re.compile(r"((warning: |skipped )[^\n]*\n)*")
 UNFINISHED = ("*/.*.tmp*", ".*.tmp*", "out", "out.*", ".tmp*")
+BROKE_DOWN = "training broke down at step"
 
 
 @dataclass
@@ -206,6 +207,8 @@ def wrong(ended: Ended, folder: Path, size: int) -> str:
     if not SAID.fullmatch(ended.stderr) or not ended.stderr.replace("\n", "").isprintable():
         return f"stderr: {ended.stderr[:300]!r}"
     left = [path.name for pattern in UNFINISHED for path in folder.glob(pattern)]
+    if BROKE_DOWN in ended.stderr:  # its log says how
+        left = [name for name in left if not (folder / name / "recipe.json").is_file()]
     return f"left behind: {', '.join(left)}" if left else ""
 
 
