@@ -56,7 +56,7 @@ BLOCK = 500
 SAID = re.compile(r"(training [^\n]+; rolling back to step \d+[^\n]+\n)?unproject: [^\n]+\n")
 REMARKS = re.compile(r"((warning: |skipped )[^\n]*\n)*")
 UNFINISHED = ("*/.*.tmp*", ".*.tmp*", "out", "out.*", ".tmp*")
-BROKE_DOWN = "training broke down at step"
+BROKE_DOWN = "training broke down"
 
 
 @dataclass

@@ -4270,6 +4270,9 @@ ON_A_GPU = (
         "training/test_graphs.py::test_renderings_and_statistics"),
 )  # fmt: skip
 FINDINGS = (
+    mutant("weights whose samples are not finite are kept", "training/trainer.py",
+        'tensors | {"a sample": samples}', "tensors",
+        "training/test_health.py::test_weights_whose_samples_are_not_finite_are_not_kept"),
     mutant("a file takes the place of a device", "_files.py",
         "if path.exists() and not path.is_file() and not path.is_dir():", "if False:",
         "test_files.py::test_devices_and_pipes_are_not_replaced"),

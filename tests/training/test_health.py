@@ -151,6 +151,13 @@ def test_weights_that_are_not_finite_are_named() -> None:
         check_finite(7, good, lambda mine: True)  # another process saw it
 
 
+def test_weights_whose_samples_are_not_finite_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LowRankGenerator, "sample", lambda *_, **__: torch.full((1, 16, 16, 16), float("nan")))
+    with pytest.raises(Diverged, match="by step 4: a sample is not finite"):
+        train(toy(steps=12, checkpoint_every=4, views="known"), tmp_path, quiet=True)
+    assert checkpoint.list_checkpoints(tmp_path / "checkpoints") == []
+
+
 def test_diversity_is_a_share_of_the_real_images() -> None:
     real = torch.rand(64, 1, 4, 4, generator=torch.Generator().manual_seed(0))
     assert diversity(real, real / 2) == pytest.approx(0.5, rel=1e-4)

@@ -49,7 +49,7 @@ def check(step: int, losses: dict[str, float], ratio: float, collapsed: int, beg
 
 
 def check_finite(step: int, tensors: Mapping[str, Tensor], agree: Callable[[bool], bool]) -> None:
-    """Raise Diverged, in all processes that `agree`, if a number of the state is not finite.
+    """Raise Diverged, in all processes that `agree`, if a number of the state, or of what it makes, is not finite.
 
     Losses are checked now and then only; a checkpoint to roll back to must be good.
     """

@@ -265,11 +265,11 @@ class Trainer:
         counters.seconds = time.monotonic() - self.began
         counters.lines = self.recorder.lines
         tensors = self.state.tensors()
-        check_finite(counters.step, tensors, self.distribution.agree)
+        samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
+        check_finite(counters.step, tensors | {"a sample": samples}, self.distribution.agree)
         if self.distribution.leads:
             checkpoint.save(self.out / "checkpoints", counters.step, tensors)
             (self.out / VERDICT).unlink(missing_ok=True)  # it is of fewer steps
-            samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
             self.state.domain.write_preview(samples, self.out / "samples" / f"step-{counters.step:09d}.png")
         self.distribution.barrier()
         self.saved_at = counters.step
