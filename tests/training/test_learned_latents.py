@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 from comparing import differences, final, stats
+from torch import Tensor
 from toy import jointly, toy, with_panel
 
 from unproject.assignment import LearnedLatent
@@ -112,7 +114,12 @@ def test_hulls_are_sampled_until_elevations_begin_and_of_previews_alike(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[bool | float] = []
-    monkeypatch.setattr(Generator, "sample", lambda generator, *_, **__: drawn.append(generator.hull))
+
+    def sample(generator: Generator, *_: Any, **__: Any) -> Tensor:
+        drawn.append(generator.hull)
+        return torch.zeros(1)
+
+    monkeypatch.setattr(Generator, "sample", sample)
     recipe = with_panel(toy(steps=4, checkpoint_every=2), learned=(replace(ELEVATION, begin=0.6),))
     recipe = recipe.replace(generator=partial(LowRankGenerator, size=16, channels=8, rank=4, code_size=8, hull=2.0))
     run = train(recipe, tmp_path / "run", quiet=True)
