@@ -22,8 +22,9 @@ Each input is a good file, mutated: bits, lengths, truncation, insertion, repeti
 members, headers, shapes and types of archives, with checksums made to fit again. A command reads it in a process of its
 own. It may end with status 0, or with status 2 and one line that begins with `unproject: `, within a minute of the
 processor and in 512 MiB and 20 times the input, and may leave nothing half-written; a training that broke down has
-begun, and its run stays for its log. All else is a finding. `refused` counts status 2. `python tools/fuzz.py FAMILY
---seed S --only N` repeats input N.
+begun, and its run stays for its log (two findings of checkpoints ended by this rule, which came after them). All else
+is a finding. `refused` counts status 2.
+`python tools/fuzz.py FAMILY --seed S --only N` repeats input N.
 
 The campaign takes hours and goes on where its record ends (`tools/campaign`): inputs 0, 1, ... of each family, of which
 {asked:,} are asked of each reader. They were tried at {commits};
