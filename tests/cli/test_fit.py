@@ -197,6 +197,9 @@ def test_an_image_behind_the_lines_of_a_sinogram(tmp_path: Path) -> None:
     out = tmp_path / "fits"
     assert fit(run, tmp_path / "scan.npz", "--out", out, "--no-novelty") == 0
     assert [len(entry["views"]) for entry in entries(out)] == [3, 3]
+    assert [entry["consistent"] for entry in entries(out)] == [True, True]
+    assert fit(run, tmp_path / "scan.npz", "--out", tmp_path / "plain", "--no-novelty", "--no-consistent") == 0
+    assert [entry["consistent"] for entry in entries(tmp_path / "plain")] == [False, False]
     with np.load(out / "fit.npz") as arrays:
         assert arrays["image"].shape == (2, 1, 16, 16)
 

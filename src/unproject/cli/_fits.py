@@ -131,7 +131,13 @@ def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
     weights = [round(weight, 4) for weight in fit.weight.tolist()]
     likely = None if p is None else round(p.min().item(), 4)
     verdict = {"explained": not why, "why": "; ".join(why), "p": likely}
-    return {**verdict, "distance": round(fit.error, 4), "weights": weights, "views": views}
+    return {
+        **verdict,
+        "distance": round(fit.error, 4),
+        "consistent": fit.consistent,
+        "weights": weights,
+        "views": views,
+    }
 
 
 def _write_fit(job: Job, folder: Path, pictures: Tensor, fit: Fit) -> None:

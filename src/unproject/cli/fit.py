@@ -34,6 +34,7 @@ def run(
     prior: float = 0.02,
     view_searches: int = 5,
     tune: int = 30,
+    consistent: bool = True,
     novelty: bool = True,
     seed: int = 0,
     threads: int | None = None,
@@ -65,6 +66,7 @@ def run(
         prior: weight of usual latents.
         view_searches: how often views that are not known are searched anew during the descent.
         tune: steps that train the generator's own weights for these pictures alone, at the end.
+        consistent: complete what is found so that it agrees with line integrals at known angles.
         novelty: compare pictures with those of training, which takes half a minute once a call (not with --light).
         seed: of the search.
         threads: processor threads (default: all cores).
@@ -77,15 +79,14 @@ def run(
     from ..training.fitting import novelty_of, state_of, viewing_of
     from ._fits import Job, write_fits
 
-    use_threads(threads)
-    search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune)
     if not pictures:
         raise UserError("fit: name pictures, a folder of them or an .npz")
+    use_threads(threads)
+    search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune, consistent=consistent)
     opened = load(path, trust=trust)
     to = format_of(opened.domain, to)
     if light is None:
-        states = opened.assignments(opened.recipe(trust))
-        state = state_of(states, observation)
+        state = state_of(states := opened.assignments(opened.recipe(trust)), observation)
         viewing = framed_viewing(viewing_of(state, observation), pictures)
         frame = Frame.of(opened.domain, states, state)
         given = {} if view is None else given_view(view, viewing.projection.latents)

@@ -16,11 +16,13 @@ class Fit:
         x: (S, ...) samples.
         latent: (S, r), whitened (`LatentSpace`).
         distance: (S, M), the mean squared difference of each picture from the sample's projection, in units of the
-            variance of projections of other samples: 1 for a picture that has nothing to do with it.
+            variance of projections of other samples: 1 for a picture that has nothing to do with it. Of samples as the
+            generator made them: whether it can make such things.
         weight: (S,), how well each explains the pictures compared with the others; they sum to 1.
         theta: latents of the views by name, (S, M), radians.
         posterior: (M, K), the probability of each bin of views.
         projections: (S, M, ...), of each explanation in the views that were found for it.
+        consistent: whether samples were made to agree with the pictures (`consistency`).
 
     Examples:
         >>> import torch, unproject as up
@@ -42,6 +44,7 @@ class Fit:
     theta: dict[str, Tensor]
     posterior: Tensor
     projections: Tensor
+    consistent: bool = False
 
     @property
     def projected(self) -> Tensor:

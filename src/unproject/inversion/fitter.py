@@ -12,6 +12,7 @@ among projections of samples, so that λ means the same for silhouettes, photogr
    many local minima: now and then views are drawn anew in every bin and near the present one, and the best are kept.
 3. Weights: an explanation with energy E counts (E_best / E)^(n M / 2), the likelihood with σ unknown, if n pixels of a
    picture, as many as it is wide, are independent. The posterior of the bins of views comes from the same rule.
+4. Linear readings whose views are known are kept: samples are completed to agree with them (`consistency`).
 
 References:
     Xia et al. 2023, GAN inversion: a survey.
@@ -19,6 +20,7 @@ References:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -31,6 +33,7 @@ from .._random import generator_at
 from .._types import UserError
 from ..networks import Generator
 from .candidates import Candidates, each, rows
+from .consistency import MOST, Readings
 from .fit import Fit
 from .search import Search
 from .tuning import tuned
@@ -206,7 +209,29 @@ class Fitter:
             heard = (weight >= HEARD * weight.max()).nonzero()[:, 0]
             bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
             posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
-            return Fit(self.generator.filled(x), state.v, distance, weight, state.theta, posterior, projected)
+            if consistent := self._is_linear(x, of):
+                x = self._completed(x, of)
+                projected = candidates.project(x, state.theta, len(of))
+            x = self.generator.filled(x)
+            return Fit(x, state.v, distance, weight, state.theta, posterior, projected, consistent)
+
+    def _is_linear(self, x: Tensor, of: Pictures) -> bool:
+        """Whether pictures are linear in samples, in views that are known, and not too many."""
+        few = of.y.numel() * x[0].numel() <= MOST
+        linear = self.viewing.projection.linear and self.viewing.is_known(of.known)
+        return self.search.consistent and linear and few
+
+    def _completed(self, x: Tensor, of: Pictures) -> Tensor:
+        """Return samples (S, ...) that agree with the pictures, within [0, 1] if all candidates are."""
+
+        def project(some: Tensor, which: Tensor) -> Tensor:
+            return self.viewing.project(some, {name: value[which] for name, value in of.known.items()})
+
+        readings = Readings.of(project, len(of), x.shape[1:])
+        among = self.candidates.x.amin() >= 0 and self.candidates.x.amax() <= 1
+        bounds = (0.0, 1.0) if among else (-math.inf, math.inf)
+        completed = readings.completed(x.flatten(1).double(), of.y.flatten().double(), bounds)
+        return completed.to(x).view_as(x)
 
     def _tuned(self, x: Tensor, state: State, of: Pictures) -> Tensor:
         """Return the sample (1, ...) of a generator that was trained for the pictures, unless it is further off."""

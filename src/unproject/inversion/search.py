@@ -21,6 +21,7 @@ class Search:
         view_searches: how often views that are not known are searched anew during the descent.
         tune: steps that also train the generator's own weights for these pictures alone, from the best latent on.
         tune_rate: Adam's learning rate of them.
+        consistent: what is found is made to agree with linear readings whose views are known (`consistency`).
 
     Raises:
         UserError: for a number out of range.
@@ -38,6 +39,7 @@ class Search:
     view_searches: int = 5
     tune: int = 0
     tune_rate: float = 3e-4
+    consistent: bool = True
 
     def __post_init__(self) -> None:
         if not 1 <= self.starts <= self.candidates:
