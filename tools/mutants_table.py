@@ -678,6 +678,28 @@ LIGHT_AND_MAPS = (
         "export/test_materials.py::test_materialx_reads_back_a_coloured_reflectance",
     ),
     mutant(
+        "renderings: a lit tile is repeated",
+        "projections/rendering.py",
+        "radiance = photograph(x, view, azimuth, self.distance, True, shaded)",
+        "radiance = shaded(x, to_camera(view, azimuth, self.distance, *x.shape[2:]))\n"
+        "            radiance = photograph(radiance, view, azimuth, self.distance, True)",
+        "projections/test_rendering.py::test_a_plane_of_tiles_is_lit_as_one",
+    ),
+    mutant(
+        "glTF: roughness above 1 wraps around",
+        "export/material_gltf.py",
+        "one._replace(roughness=one.roughness.clip(max=1))",
+        "one",
+        "export/test_materials.py::test_roughness_that_gltf_cannot_hold_is_its_largest_and_said",
+    ),
+    mutant(
+        "exports: one material beside several hides them",
+        "export/materials.py",
+        'if (path / "material.json").is_file() if several else beside:',
+        'if several and (path / "material.json").is_file():',
+        "export/test_materials.py::test_one_material_and_several_do_not_hide_each_other",
+    ),
+    mutant(
         "glTF: a coloured reflectance is grey",
         "export/material_gltf.py",
         "np.broadcast_to(material.specular, material.basecolor.shape)",

@@ -136,6 +136,20 @@ def test_the_verb_packs_what_the_recipe_reads(folder: Path, capsys: pytest.Captu
     assert "there is no such folder" in capsys.readouterr().err
 
 
+def test_textures_are_not_packed_as_silhouettes_unless_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("Color", "Roughness", "NormalGL"):
+        pixels = np.zeros((32, 32, 3), np.uint8)
+        pixels[8:24, 8:24] = 200
+        (tmp_path / "oak").mkdir(exist_ok=True)
+        Image.fromarray(pixels).save(tmp_path / "oak" / f"oak_1K-PNG_{name}.png")
+    assert main(["data", "pack", str(tmp_path / "oak")]) == 2
+    assert "materials are read from their folder, as `train wood --data` does" in capsys.readouterr().err
+    assert not (tmp_path / "oak.npz").exists()
+    assert main(["data", "pack", str(tmp_path / "oak"), "--for", "shapes"]) == 0
+
+
 def test_an_unknown_recipe_is_a_mistake(folder: Path) -> None:
     with pytest.raises(UserError, match="no recipe 'shaps'"):
         run("inspect", folder, for_="shaps")

@@ -424,15 +424,26 @@ def test_trimesh_reads_planes_that_face_the_viewer_and_do_not_touch(tmp_path):
         np.testing.assert_allclose(plane.visual.uv[:, 1] - 0.5, plane.vertices[:, 1] * 9 / 6, atol=1e-6)
 
 
-def test_a_material_that_gltf_cannot_hold_is_left_out_and_named(tmp_path):
+def test_roughness_that_gltf_cannot_hold_is_its_largest_and_said(tmp_path):
     maps = np.stack([a_material(0), a_material(1, roughness=1.5), a_material(2)])
-    written = export.material_gltf(maps, tmp_path)
-    assert written.paths == (tmp_path / "materials.glb",)
-    assert [name for name, _ in written.skipped] == ["material-01"] and "1.5" in written.skipped[0][1]
-    assert [node["name"] for node in Glb(written.paths[0]).tree["nodes"]] == ["material-00", "material-02"]
-    with pytest.raises(UserError, match="roughness reaches 1.5.*export maps"):
-        export.material_gltf(maps[1], tmp_path / "none.glb")
-    assert os.listdir(tmp_path) == ["materials.glb"]
+    with pytest.warns(UserWarning, match=r"^material-01: roughness above 1 is 1 in glTF"):
+        written = export.material_gltf(maps, tmp_path)
+    assert written.paths == (tmp_path / "materials.glb",) and not written.skipped
+    assert [node["name"] for node in Glb(written.paths[0]).tree["nodes"]] == [f"material-0{k}" for k in range(3)]
+    glb = Glb(written.paths[0])
+    rough = glb.pixels(glb.tree["materials"][1]["pbrMetallicRoughness"]["metallicRoughnessTexture"])[..., 1]
+    np.testing.assert_allclose(rough, np.sqrt(maps[1, 4].clip(max=1)), atol=1 / 255)
+
+
+def test_one_material_and_several_do_not_hide_each_other(tmp_path):
+    export.material_maps(some(2), tmp_path / "two")
+    with pytest.raises(UserError, match=r"two: holds several materials \(material-00, …\), which one beside it"):
+        export.material_maps(a_material(), tmp_path / "two")
+    export.material_maps(some(2), tmp_path / "two")
+    export.material_maps(a_material(), tmp_path / "one")
+    with pytest.raises(UserError, match="one: holds a material, which several beside it would hide"):
+        export.material_x(some(2), tmp_path / "one")
+    export.material_x(a_material(), tmp_path / "one")
 
 
 def test_gltf_has_eight_bits(tmp_path):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 import unproject as up
@@ -239,6 +241,23 @@ def test_the_perspective_picture_is_foreshortened() -> None:
     assert far < near
     everywhere = linear("directional", space="image", repeat=True)(paper(64), view=angle(60), light=angle(0))[0, 0]
     assert everywhere.min() > 0.95
+
+
+@pytest.mark.parametrize("lighting", ["coloured", None])
+def test_a_plane_of_tiles_is_lit_as_one(lighting: str | None) -> None:
+    """Nothing tells where a tile ends if the material is the same everywhere, and the middle is the material alone."""
+    lamp = torch.full((1, 3, 16, 32), 0.1)
+    lamp[:, :, 3:6, 6:12] = 4
+    theta = {"view": angle(50)} | ({"light": angle(40), "light_azimuth": angle(90)} if lighting else {})
+    rendering = linear(lighting or lamp, space="image", distance=2.0)
+    x = mirror(0.4, 48)
+    one, tiled = (replace(rendering, repeat=on)(x, **theta) for on in (False, True))
+    smooth = F.avg_pool2d(tiled, 4)
+    steps = smooth.diff(dim=3).abs().amax((0, 1, 2))
+    assert steps.max() < 3 * steps.median() + 0.02 * smooth.max()
+    covered = F.avg_pool2d(one, 4)
+    middle = (..., slice(4, 8), slice(4, 8))
+    torch.testing.assert_close(smooth[middle], covered[middle], rtol=0.06, atol=0.02)
 
 
 def test_each_photograph_is_taken_alone() -> None:

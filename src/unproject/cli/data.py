@@ -56,7 +56,8 @@ def run(
         get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
         return
     if action == "pack":
-        _pack(path, out, for_ or "shapes", size, _framing(path, mode, threshold, polarity), strict)
+        framing = _framing(path, mode, threshold, polarity)
+        _pack(path, out, for_ or _recipe_for(path, framing), size, framing, strict)
         return
     framing = _framing(path, mode, threshold, polarity)
     recipe = for_ or _recipe_for(path, framing)
@@ -166,7 +167,10 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
     find_recipe(recipe)
     kind = recipe.partition("-")[0]
     if kind in MATERIALS:
-        raise UserError(f"--for {recipe}: materials are read from their folder; pack pictures for shapes or digits")
+        raise UserError(
+            f"{path}: materials are read from their folder, as `train {recipe} --data` does; "
+            "--for shapes packs silhouettes"
+        )
     images = kind == "digits"
     if framing is not None and images:
         raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")

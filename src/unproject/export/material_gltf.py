@@ -6,8 +6,8 @@ and y the bitangent. The material is dielectric, with F0 in KHR_materials_specul
     F0 = 0.04 · specularColorFactor · specularColorTexture,    KHR_materials_ior 1.5 being the 0.04
 
 The format has 8-bit textures and no base colour, roughness or reflectance above 1. A base colour above 1 is divided by
-its scale, which the material's extras state; F0 above 1 is in the file and viewers stop at 1; a material with m
-above 1 is left out. Viewers have a GGX lobe with alpha = r² where ours is Beckmann's.
+its scale, which the material's extras state; F0 above 1 is in the file and viewers stop at 1; m above 1 is 1, with
+a warning. Viewers have a GGX lobe with alpha = r² where ours is Beckmann's.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -24,7 +25,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from unproject._types import UserError
-from unproject.export._volumes import Written, floor_grid, keep_usable, save, within
+from unproject.export._volumes import Written, floor_grid, save, within
 from unproject.export.materials import Fresnel, Material, as_materials, scale_of, to_srgb
 
 _SPACING = 1.1
@@ -46,23 +47,19 @@ def material_gltf(
     """One .glb of planes, several in rows from the top left; a path without .glb gets materials.glb in that folder.
 
     Raises:
-        UserError: maps that are no material, another depth, or no material that glTF can hold; such ones among
-            others are in `Written.skipped`. OSError: the disk; no file is left half-written.
+        UserError: maps that are no material, or another depth. OSError: the disk; no file is left half-written.
+
+    Warns:
+        UserWarning: of roughness above 1, where glTF ends: it is 1 in the file.
     """
     if depth != "8":
         raise UserError(f"depth {depth!r}: a .glb holds 8-bit pictures; leave depth out, or export maps or mtlx")
     materials = as_materials(maps, fresnel, eta)
-    named = list(materials.items())
-    kept, skipped = keep_usable(list(materials), lambda i: _usable(*named[i]))
-    content = _Glb(kept, {"fresnel": fresnel, "eta": eta}).content()
-    return Written((save(within(Path(path), ".glb", "materials.glb"), content),), skipped)
-
-
-def _usable(name: str, material: Material) -> Material:
-    r = float(material.roughness.max())
-    if r > 1:
-        raise UserError(f"{name}: roughness reaches {r * r:.3g} and glTF ends at 1; clamp it, or export maps or mtlx")
-    return material
+    if rough := [name for name, material in materials.items() if material.roughness.max() > 1]:
+        warnings.warn(f"{', '.join(rough)}: roughness above 1 is 1 in glTF; --to maps and mtlx keep it", stacklevel=2)
+    clamped = {name: one._replace(roughness=one.roughness.clip(max=1)) for name, one in materials.items()}
+    content = _Glb(clamped, {"fresnel": fresnel, "eta": eta}).content()
+    return Written((save(within(Path(path), ".glb", "materials.glb"), content),))
 
 
 class _Glb:

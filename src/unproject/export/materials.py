@@ -196,9 +196,13 @@ def write_folders(
     path = Path(path)
     if path.suffix in (".png", ".exr", ".json", ".mtlx") or (path.exists() and not path.is_dir()):
         raise UserError(f"{path}: a material is a folder of maps; give the name of a folder")
+    several, beside = len(materials) > 1, [file.parent.name for file in sorted(path.glob("*/material.json"))]
+    if (path / "material.json").is_file() if several else beside:
+        held, given = ("a material", "several") if several else (f"several materials ({beside[0]}, …)", "one")
+        raise UserError(f"{path}: holds {held}, which {given} beside it would hide; give another folder, or remove it")
     with filled_folder(path) as staging:
         for name, material in materials.items():
-            folder = staging / name if len(materials) > 1 else staging
+            folder = staging / name if several else staging
             folder.mkdir(exist_ok=True)
             write(folder, material)
         files = files_below(staging)

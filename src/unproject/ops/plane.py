@@ -6,6 +6,9 @@ picture.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -34,24 +37,43 @@ def to_camera(theta: Tensor, phi: Tensor, distance: float, height: int, width: i
     return direction / direction.norm(dim=1, keepdim=True)
 
 
-def photograph(picture: Tensor, theta: Tensor, phi: Tensor, distance: float, repeat: bool = False) -> Tensor:
+def photograph(
+    picture: Tensor,
+    theta: Tensor,
+    phi: Tensor,
+    distance: float,
+    repeat: bool = False,
+    shade: Callable[[Tensor, Tensor, int], Tensor] | None = None,
+) -> Tensor:
     """Project images (B, C, H, W) on the plane to pictures of the same size, each pixel the mean of rays through it.
 
     At θ = 0 the material fills the picture. Outside the material the value is 0, or with `repeat` the plane is tiled up
     to the horizon. A pixel has up to 8 × 8 rays, as the strongest foreshortening needs.
+
+    Args:
+        shade: (what is seen along rays (1, C, h, w), directions to the camera (1, 3, h, w), the row of B) → what is
+            averaged in its place: no two tiles of a plane look the same under a light.
     """
     seen = []
-    for one, t, p in zip(picture[:, None], theta[:, None], phi[:, None], strict=True):
+    for k, (one, t, p) in enumerate(zip(picture[:, None], theta[:, None], phi[:, None], strict=True)):
+        at_row = None if shade is None else partial(shade, row=k)
         fine = int((1 / t.detach().cos().abs().clamp(min=1 / 8)).ceil())
         rays = texels(picture.shape[2] * fine, picture.shape[3] * fine, theta)[:2] / distance
         # In bands of rows, so that a large picture does not need fine² times its memory.
-        bands = [_seen(one, t, p, distance, band, repeat, fine) for band in rays.split(BAND * fine, 1)]
+        bands = [_seen(one, t, p, distance, band, repeat, fine, at_row) for band in rays.split(BAND * fine, 1)]
         seen.append(torch.cat(bands, 2))
     return torch.cat(seen) if seen else picture
 
 
 def _seen(
-    picture: Tensor, theta: Tensor, phi: Tensor, distance: float, rays: Tensor, repeat: bool, fine: int
+    picture: Tensor,
+    theta: Tensor,
+    phi: Tensor,
+    distance: float,
+    rays: Tensor,
+    repeat: bool,
+    fine: int,
+    shade: Callable[[Tensor, Tensor], Tensor] | None,
 ) -> Tensor:
     """Return the part (1, C, h, w) of the picture of rays (2, h · fine, w · fine), given by tangents from the axis."""
     height, width = picture.shape[2:]
@@ -69,4 +91,6 @@ def _seen(
         x, y = x * (width / (width + 2)), y * (height / (height + 2))
     grid = torch.stack([2 * x, -2 * y], -1)
     sampled = F.grid_sample(picture, grid.to(picture), padding_mode="border", align_corners=False)
+    if shade is not None:
+        sampled = shade(sampled, -F.normalize(direction.to(picture), dim=-1).permute(0, 3, 1, 2))
     return F.avg_pool2d(sampled * seen[:, None].to(picture), fine)

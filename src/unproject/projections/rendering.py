@@ -156,15 +156,21 @@ class Rendering(Projection):
     def _render(
         self, x: Tensor, view: Tensor, azimuth: Tensor, light: Tensor, around: Tensor, probe: Tensor, jitter: Tensor
     ) -> Tensor:
-        camera = to_camera(view, azimuth, self.distance, *x.shape[2:])
+        def shaded(x: Tensor, camera: Tensor, row: int | None = None) -> Tensor:
+            rows = slice(None) if row is None else slice(row, row + 1)
 
-        def lit(x: Tensor, lamp: int = 0) -> Tensor:
-            one = self._light(light, around + lamp * THIRD, probe)
-            return shade_fast(x, camera, one, self.reflection, self.sampling, jitter)
+            def lit(x: Tensor, lamp: int = 0) -> Tensor:
+                one = self._light(light[rows], around[rows] + lamp * THIRD, probe[rows])
+                return shade_fast(x, camera, one, self.reflection, self.sampling, jitter[rows])
 
-        radiance = by_colour(x, lit) if self.lighting == "coloured" else lit(x)
-        if self.space == "image":
-            radiance = photograph(radiance, view, azimuth, self.distance, self.repeat)
+            return by_colour(x, lit) if self.lighting == "coloured" else lit(x)
+
+        if self.space == "image" and self.repeat:
+            radiance = photograph(x, view, azimuth, self.distance, True, shaded)
+        else:
+            radiance = shaded(x, to_camera(view, azimuth, self.distance, *x.shape[2:]))
+        if self.space == "image" and not self.repeat:
+            radiance = photograph(radiance, view, azimuth, self.distance)
         return develop(radiance) if self.developed else radiance
 
     def _light(self, light: Tensor, around: Tensor, probe: Tensor) -> Light:
