@@ -6,10 +6,11 @@
 RUN was trained on line integrals, as those of digits.py were. The first n test images (of an .npz: the last n of its
 array x) are each seen along 3, 5 and 10 lines at known angles, evenly over half a turn, with noise in units of the
 largest reading. Columns, with the mean PSNR in dB, of digits also the share that a classifier takes for the right one
-(of the images themselves first), and fit's PSNR less that of sart and tv with its standard error:
+(of the images themselves first), and fit's PSNR less that of others with its standard error:
 
     fit     the best explanation of `unproject fit`, with its default flags; mean: of all by weight
     sample  as the generator made it (--no-consistent)
+    blank   a blank image completed as samples are: what the lines and 0 ≤ x ≤ 1 tell without any generator
     tv      min ½ |A x - y|² + λ TV(x), 0 ≤ x ≤ 1, λ the best of eight on 20 training images for each number of lines
     sart    simultaneous algebraic reconstruction within 0 ≤ x ≤ 1, the best of eight numbers of sweeps on the same
     fbp     filtered back-projection: Ram-Lak filter, adjoint of the strips of `LineIntegral`, clipped to [0, 1]
@@ -33,6 +34,7 @@ from torch import Tensor
 import unproject as up
 from unproject.data import Collection
 from unproject.inversion import Search
+from unproject.inversion.consistency import Readings
 from unproject.metrics.digit_classifier import digit_features
 
 WEIGHTS = tuple(10.0**power for power in torch.linspace(-3.5, 0, 8).tolist())
@@ -101,6 +103,16 @@ def sart(lines: Tensor, sweeps: int) -> Tensor:
     return x.detach()
 
 
+def blank(lines: Tensor) -> Tensor:
+    """Return blank images completed to agree with lines, (N, 1, H, W)."""
+    angles = angles_of(lines.shape[1])
+    shape = torch.Size((1, SIZE, SIZE))
+    readings = Readings.of(lambda x, which: up.LineIntegral(SIZE)(x, angle=angles[which]), len(angles), shape)
+    nothing = torch.zeros(1, SIZE * SIZE, dtype=torch.float64)
+    found = [readings.completed(nothing, y, (0.0, 1.0)) for y in lines.flatten(1).double()]
+    return torch.cat(found).view(-1, *shape).float()
+
+
 def noisy(lines: Tensor, share: float) -> Tensor:
     """Return lines with noise, its deviation a share of the largest."""
     rng = torch.Generator().manual_seed(0)
@@ -140,11 +152,12 @@ def compared(run: up.Run, count: int, given: argparse.Namespace) -> dict[str, ob
         fits = [fitter.fit(y, {"angle": angles_of(count)}) for y in lines]
         seconds = (time.process_time() - begin) / len(fits)
         found |= {name: torch.stack([fit.x[0] for fit in fits]), "mean": torch.stack([fit.mean for fit in fits])}
-    found |= {"tv": smoothest(lines, weight), "sart": sart(lines, sweeps), "fbp": back_projected(lines)}
+    found |= {"blank": blank(lines), "tv": smoothest(lines, weight), "sart": sart(lines, sweeps)}
+    found["fbp"] = back_projected(lines)
     shown = torch.cat([images[:12], *(x[:12] for x in found.values())])
     up.export.silhouette_sheet(shown, columns=12, scale=2).save(given.out / f"lines-{count}-{given.noise:g}.png")
     row: dict[str, object] = {"n": len(images), "tv_weight": weight, "sweeps": sweeps, "cpu_seconds": seconds}
-    row |= {f"over_{name}": ahead(found["fit"], found[name], images) for name in ("sample", "tv", "sart")}
+    row |= {f"over_{name}": ahead(found["fit"], found[name], images) for name in ("sample", "blank", "tv", "sart")}
     for name, x in {"truth": images, **found}.items():
         row |= scores(name, x, images, labels)
     return row

@@ -693,6 +693,13 @@ LIGHT_AND_MAPS = (
         "export/test_materials.py::test_roughness_that_gltf_cannot_hold_is_its_largest_and_said",
     ),
     mutant(
+        "MaterialX: a single material has the name of a hidden folder",
+        "export/material_x.py",
+        "folder.name if len(materials) > 1 else Path(path).absolute().name",
+        "folder.name",
+        "export/test_materials.py::test_a_material_of_materialx_has_the_name_of_its_folder",
+    ),
+    mutant(
         "exports: one material beside several hides them",
         "export/materials.py",
         'if (path / "material.json").is_file() if several else beside:',

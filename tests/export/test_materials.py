@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -433,6 +434,19 @@ def test_roughness_that_gltf_cannot_hold_is_its_largest_and_said(tmp_path):
     glb = Glb(written.paths[0])
     rough = glb.pixels(glb.tree["materials"][1]["pbrMetallicRoughness"]["metallicRoughnessTexture"])[..., 1]
     np.testing.assert_allclose(rough, np.sqrt(maps[1, 4].clip(max=1)), atol=1 / 255)
+
+
+def test_a_material_of_materialx_has_the_name_of_its_folder(tmp_path):
+    for folder, names in (("old oak", ["old_oak"]), ("surface", ["material_surface"]), ("2024", ["material_2024"])):
+        export.material_x(a_material(), tmp_path / folder)
+        assert surfaces(tmp_path / folder) == names
+    export.material_x(some(2), tmp_path / "two")
+    assert surfaces(tmp_path / "two") == ["material_00", "material_01"]
+
+
+def surfaces(folder):
+    files = sorted(folder.rglob("*.mtlx"))
+    return [node.get("name") for file in files for node in ElementTree.parse(file).getroot().iter("surfacematerial")]
 
 
 def test_one_material_and_several_do_not_hide_each_other(tmp_path):

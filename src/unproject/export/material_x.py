@@ -16,6 +16,7 @@ The lobe's distribution is GGX with alpha = specular_roughness², ours Beckmann 
 from __future__ import annotations
 
 import math
+import re
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -64,13 +65,14 @@ def material_x(
     fresnel: Fresnel = "albedo",
     eta: float = 1.5,
 ) -> Written:
-    """`material_maps`, and material.mtlx in each folder."""
+    """`material_maps`, and material.mtlx in each folder, whose material has the name of the folder."""
     materials, storage = as_materials(maps, fresnel, eta), storage_of(depth)
 
     def write(folder: Path, material: Material) -> None:
         sheets = write_maps(folder, material, storage, fresnel, eta)
         lobe = lobe_for(float(material.specular.max()), fresnel, eta)
-        save(folder / "material.mtlx", document(sheets, lobe, material.specular.shape[-1] == 3))
+        name = valid_name(folder.name if len(materials) > 1 else Path(path).absolute().name)
+        save(folder / "material.mtlx", document(sheets, lobe, material.specular.shape[-1] == 3, name))
 
     return write_folders(materials, path, write)
 
@@ -83,7 +85,13 @@ def lobe_for(largest: float, fresnel: Fresnel, eta: float) -> Lobe:
     return Lobe((1 + root) / (1 - root), max(1, largest / _MOST))
 
 
-def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False) -> str:
+def valid_name(name: str) -> str:
+    """A name that MaterialX and USD take: letters, digits and underscores, and no other node's."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"material_{plain}" if plain in ("", "maps", "surface") or plain[0].isdigit() else plain
+
+
+def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False, name: str = "material") -> str:
     """The text of material.mtlx for maps that lie beside it; `coloured`: the specular picture has three channels."""
     root = ElementTree.Element("materialx", version=VERSION, colorspace="lin_rec709")
     graph = _node(root, "nodegraph", "maps")
@@ -102,7 +110,7 @@ def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False) -> st
         _node(surface, "input", "specular_color", "color3", value=", ".join([_number(lobe.color)] * 3))
     for name, (kind, _) in made.items():
         _node(surface, "input", name, kind, nodegraph="maps", output=f"{name}_out")
-    material = _node(root, "surfacematerial", "material", "material")
+    material = _node(root, "surfacematerial", name, "material")
     _node(material, "input", "surfaceshader", "surfaceshader", nodename="surface")
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
