@@ -91,7 +91,7 @@ def valid_name(name: str) -> str:
     return f"material_{plain}" if plain in ("", "maps", "surface") or plain[0].isdigit() else plain
 
 
-def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False, name: str = "material") -> str:
+def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False, called: str = "material") -> str:
     """The text of material.mtlx for maps that lie beside it; `coloured`: the specular picture has three channels."""
     root = ElementTree.Element("materialx", version=VERSION, colorspace="lin_rec709")
     graph = _node(root, "nodegraph", "maps")
@@ -110,7 +110,7 @@ def document(sheets: dict[str, Sheet], lobe: Lobe, coloured: bool = False, name:
         _node(surface, "input", "specular_color", "color3", value=", ".join([_number(lobe.color)] * 3))
     for name, (kind, _) in made.items():
         _node(surface, "input", name, kind, nodegraph="maps", output=f"{name}_out")
-    material = _node(root, "surfacematerial", name, "material")
+    material = _node(root, "surfacematerial", called, "material")
     _node(material, "input", "surfaceshader", "surfaceshader", nodename="surface")
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
