@@ -573,6 +573,6 @@ def test_the_same_material_gives_the_same_bytes(tmp_path, to):
     maps = torch.from_numpy(a_material())
     read_only = a_material()
     read_only.flags.writeable = False
-    first = export.MATERIAL_FORMATS[to](maps.requires_grad_(), tmp_path / f"a{TARGETS[to]}")
-    second = export.MATERIAL_FORMATS[to](read_only, tmp_path / f"b{TARGETS[to]}")
+    first = export.MATERIAL_FORMATS[to](maps.requires_grad_(), tmp_path / "a" / TARGETS[to])
+    second = export.MATERIAL_FORMATS[to](read_only, tmp_path / "b" / TARGETS[to])
     assert [p.read_bytes() for p in first.paths] == [p.read_bytes() for p in second.paths]
