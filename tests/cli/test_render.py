@@ -138,6 +138,12 @@ def test_a_mistake_is_one_line(
     assert not (tmp_path / "a.png").exists()
 
 
+def test_a_run_is_no_material_and_what_makes_one_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "recipe.json").write_text("{}")
+    assert render(tmp_path, "--out", tmp_path / "a.png") == 2
+    assert f"is a run; `unproject sample {tmp_path} --out materials.npz`" in capsys.readouterr().err
+
+
 def test_a_wrong_suffix_and_maps_that_cannot_be(tmp_path: Path, maps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert render(maps, "--out", tmp_path / "a.jpg") == 2
     assert render(maps, "--out", tmp_path / "a.gif") == 2

@@ -28,6 +28,8 @@ def read_maps(path: Path, size: int | None = None, coloured: bool = False) -> Ma
     from ..data import Collection, Convention
     from ..data.readers.arrays import load_arrays
 
+    if (path / "recipe.json").is_file():
+        raise UserError(f"{path}: is a run; `unproject sample {path} --out materials.npz` makes materials of it first")
     found = Collection.materials(path, size, convention=Convention(specular="colour") if coloured else None)
     if path.suffix.lower() != ".npz":
         return Materials(found.items, "albedo", found.skipped)
