@@ -3669,7 +3669,7 @@ INVERSION = (
     mutant(
         "consistency: readings pull what they do not tell to nought",
         "inversion/consistency.py",
-        "mu * (ahead - g)",
+        "mu * (ahead - given)",
         "mu * ahead",
         "inversion/test_consistency.py::test_what_no_reading_tells_is_left_as_it_was",
     ),

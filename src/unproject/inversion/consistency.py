@@ -89,14 +89,12 @@ class Readings:
 
     def completed(self, x: Tensor, y: Tensor, bounds: tuple[float, float]) -> Tensor:
         """Return x (S, P) as near as can be to what it was, and in agreement with y (M,), within bounds."""
-        return torch.stack([self._descended(g, y, self.noise(y - self.matrix @ g), bounds) for g in x])
-
-    def _descended(self, g: Tensor, y: Tensor, mu: float, bounds: tuple[float, float]) -> Tensor:
-        step = 1 / (self.spectrum[0].max().item() + mu)
-        x = ahead = g.clamp(*bounds)
-        pace = 1.0
+        mu = torch.tensor([[self.noise(y - self.matrix @ g)] for g in x], dtype=x.dtype)
+        step = 1 / (self.spectrum[0].max() + mu)
+        given, ahead, pace = x, x.clamp(*bounds), 1.0
+        x = ahead
         for _ in range(STEPS):
-            slope = self.matrix.T @ (self.matrix @ ahead - y) + mu * (ahead - g)
+            slope = (ahead @ self.matrix.T - y) @ self.matrix + mu * (ahead - given)
             new = (ahead - step * slope).clamp(*bounds)
             if (new - x).abs().max() < SETTLED:
                 return new
