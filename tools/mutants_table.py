@@ -700,6 +700,20 @@ LIGHT_AND_MAPS = (
         "export/test_materials.py::test_a_material_of_materialx_has_the_name_of_its_folder",
     ),
     mutant(
+        "inspect: of pictures that nothing stands out of, materials are not told",
+        "cli/data.py",
+        'sum(row[3] == "used" for row in found.rows)',
+        "len(found.rows)",
+        "data/test_material_inspection.py::test_photographs_taken_for_silhouettes_are_told_of_materials",
+    ),
+    mutant(
+        "pack: maps are packed as silhouettes",
+        "cli/data.py",
+        "_pack(path, out, for_ or _recipe_for(path, framing), size",
+        '_pack(path, out, for_ or "shapes", size',
+        "data/test_inspection.py::test_textures_are_not_packed_as_silhouettes_unless_asked",
+    ),
+    mutant(
         "exports: one material beside several hides them",
         "export/materials.py",
         'if (path / "material.json").is_file() if several else beside:',

@@ -173,10 +173,15 @@ def test_photographs_taken_for_silhouettes_are_told_of_materials(tmp_path: Path,
     picture = np.full((60, 60, 3), 230, np.uint8)
     picture[20:40, 10:30] = (60, 40, 30)
     Image.fromarray(picture).save(tmp_path / "a.jpg", quality=95)
+    for name in ("b.jpg", "c.jpg"):  # nothing stands out of them, as of most surfaces
+        Image.fromarray(np.full((60, 60, 3), 120, np.uint8)).save(tmp_path / name)
     run("inspect", tmp_path)
     assert "read as silhouettes of objects; --for wood" in capsys.readouterr().out
     run("inspect", tmp_path, for_="shapes")
     assert "read as silhouettes of objects" not in capsys.readouterr().out
+    (tmp_path / "a.jpg").unlink()
+    with pytest.raises(UserError, match="none of the 2 pictures can be used .* surfaces are read with --for wood"):
+        run("inspect", tmp_path)
 
 
 def archive(path: Path) -> Path:

@@ -65,7 +65,9 @@ def run(
     print(json_format.dumps({**found.as_dict(), "for": recipe}) if json else found.table())
     if not found.collections:
         name, _, _, reason = found.rows[0]
-        raise UserError(f"{path}: none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one")
+        surfaces = "; photographs of surfaces are read with --for wood" if recipe == "shapes" else ""
+        why = f"none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one{surfaces}"
+        raise UserError(f"{path}: {why}")
     if for_ is None and not json:
         _say_what_for(found, recipe)
     if recipe == "shapes" and size is None and not json:
@@ -87,7 +89,7 @@ def _say_what_for(found: Inspection, recipe: str) -> None:
     """Say which recipe was chosen, if another one may be meant."""
     if recipe == "wood":
         print("  read as materials, for wood, metal, plastic or fabric; --for shapes reads silhouettes")
-    elif sum("photograph" in row[2] for row in found.rows) > len(found.rows) / 2:
+    elif 2 * sum("photograph" in row[2] for row in found.rows) > sum(row[3] == "used" for row in found.rows):
         print("  read as silhouettes of objects; --for wood, metal, plastic or fabric reads photographs of surfaces")
 
 
