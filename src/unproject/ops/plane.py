@@ -7,7 +7,6 @@ picture.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import torch
 import torch.nn.functional as F
@@ -56,13 +55,17 @@ def photograph(
     """
     seen = []
     for k, (one, t, p) in enumerate(zip(picture[:, None], theta[:, None], phi[:, None], strict=True)):
-        at_row = None if shade is None else partial(shade, row=k)
+        at_row = None if shade is None else _of_row(shade, k)
         fine = int((1 / t.detach().cos().abs().clamp(min=1 / 8)).ceil())
         rays = texels(picture.shape[2] * fine, picture.shape[3] * fine, theta)[:2] / distance
         # In bands of rows, so that a large picture does not need fine² times its memory.
         bands = [_seen(one, t, p, distance, band, repeat, fine, at_row) for band in rays.split(BAND * fine, 1)]
         seen.append(torch.cat(bands, 2))
     return torch.cat(seen) if seen else picture
+
+
+def _of_row(shade: Callable[[Tensor, Tensor, int], Tensor], row: int) -> Callable[[Tensor, Tensor], Tensor]:
+    return lambda seen, camera: shade(seen, camera, row)
 
 
 def _seen(
