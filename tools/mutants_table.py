@@ -877,8 +877,8 @@ PROJECTIONS = (
     mutant(
         "rendering: the green and the blue lamp change places",
         "projections/rendering.py",
-        "around + lamp * THIRD",
-        "around - lamp * THIRD",
+        "around[rows] + lamp * THIRD",
+        "around[rows] - lamp * THIRD",
         "projections/test_rendering.py::test_three_coloured_lamps_are_three_pictures_by_one_lamp",
     ),
     mutant(

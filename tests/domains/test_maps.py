@@ -46,9 +46,9 @@ def test_every_format_of_a_domain_says_what_its_specular_map_means(
     tmp_path: Path, to: str, meant: Literal["albedo", "eta"]
 ) -> None:
     maps = wood(1, 16, 0)
-    Maps(fresnel=meant).exporters[to](maps, tmp_path / "own")
+    Maps(fresnel=meant).exporters[to](maps, tmp_path / "own" / "oak")
     for fresnel in ("albedo", "eta"):
-        MATERIAL_FORMATS[to](maps, tmp_path / fresnel, fresnel=fresnel)
+        MATERIAL_FORMATS[to](maps, tmp_path / fresnel / "oak", fresnel=fresnel)
     files = {file.relative_to(tmp_path / "own"): file.read_bytes() for file in (tmp_path / "own").rglob("*.*")}
     same = {f: all((tmp_path / f / k).read_bytes() == v for k, v in files.items()) for f in ("albedo", "eta")}
     assert files and [fresnel for fresnel, equal in same.items() if equal] == [meant]
