@@ -3688,6 +3688,13 @@ INVERSION = (
         "inversion/test_consistency.py::test_what_no_reading_tells_is_left_as_it_was",
     ),
     mutant(
+        "consistency: what no image makes of many readings is no noise",
+        "inversion/consistency.py",
+        "torch.cat([square, rest.expand(others)])",
+        "torch.cat([square, 0 * rest.expand(others)])",
+        "inversion/test_consistency.py::test_more_readings_than_pixels_are_weighed_as_few_are",
+    ),
+    mutant(
         "consistency: all rows are of the first picture",
         "inversion/consistency.py",
         "seen = project(x, picture[rows])",
@@ -3704,8 +3711,8 @@ INVERSION = (
     mutant(
         "fit: samples are completed to lines of unknown angles",
         "inversion/fitter.py",
-        "linear and self.viewing.is_known(of.known)",
-        "linear",
+        "bool(of.known) and self.viewing.is_known(of.known)",
+        "True",
         "inversion/test_consistency.py::test_nothing_is_completed_of_unknown_angles_or_of_silhouettes",
     ),
     mutant(

@@ -11,7 +11,8 @@ from torch import Tensor
 from unproject.data import digits
 from unproject.inversion import Fitter, Search, Viewing, consistency, fitter
 from unproject.inversion.consistency import Readings
-from unproject.projections import LineIntegral, directions
+from unproject.projections import LineIntegral, Observation, directions
+from unproject.projections.base import Identity
 
 from .test_fitter import SIDE, Discs, Seats, one_seat, seats
 
@@ -60,6 +61,24 @@ def test_noise_is_told_from_what_the_sample_lacks(unit: float) -> None:
         assert 0.2 * deviation < misfit < 1.5 * deviation
 
 
+def test_more_readings_than_pixels_are_weighed_as_few_are() -> None:
+    """The noise of 24 angles of 16 detectors, by the Gram matrix of 256 pixels and by that of 384 readings."""
+    of = readings(torch.arange(24) * math.pi / 24)
+    true = digits(SIDE)[3].double().flatten()
+    given = of.matrix @ true + noise(of.matrix @ true, 0.05)
+    misfit = given - of.matrix @ torch.full_like(true, 0.3)
+    values, vectors = torch.linalg.eigh(of.matrix @ of.matrix.T)
+    square = (vectors.T @ misfit).square()
+
+    def evidence(mu: float) -> float:
+        total = values.clamp_min(0) + mu
+        return (-len(misfit) / 2 * (square / total).mean().log() - total.log().sum() / 2).item()
+
+    grid = [values.mean().item() * share for share in consistency.NOISE]
+    assert of.noise(misfit) == pytest.approx(max(grid, key=evidence))
+    assert len(of.spectrum[0]) == 256 < len(misfit)
+
+
 def test_what_no_reading_tells_is_left_as_it_was() -> None:
     of, true = readings(), digits(SIDE)[3].double().flatten()
     g = noise(true, 1.0)
@@ -91,6 +110,22 @@ def test_a_fit_agrees_with_lines_of_known_angles_and_still_says_how_far_the_gene
     assert (plain.projected - pictures).abs().max() > 0.02
     assert (kept.x[0] - x[0]).square().mean() < 0.7 * (plain.x[0] - x[0]).square().mean()
     assert kept.x.min() >= 0 and kept.x.max() <= 1
+
+
+def test_readings_of_the_same_angles_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, of = [], Readings.of
+    monkeypatch.setattr(Readings, "of", lambda *given: made.append(given) or of(*given))
+    fitter = Fitter(Discs(), Viewing.of(directions(4)), Search(candidates=8, starts=1, steps=2))
+    _, pictures = spotted()
+    for angle in (ANGLE, ANGLE, ANGLE + 0.1):
+        assert fitter.fit(pictures, {"angle": angle}).consistent
+    assert len(made) == 2
+
+
+def test_of_what_is_seen_itself_nothing_tells_noise() -> None:
+    x, _ = spotted()
+    fitter = Fitter(Discs(), Viewing.of([Observation("itself", Identity())]), Search(candidates=8, starts=1, steps=2))
+    assert not fitter.fit(x).consistent
 
 
 def test_nothing_is_completed_of_unknown_angles_or_of_silhouettes(monkeypatch: pytest.MonkeyPatch) -> None:

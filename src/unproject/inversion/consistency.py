@@ -6,7 +6,7 @@ g what was found among its samples,
     x = argmin |A x - y|² + μ |x - g|²    over all x of the generator's range.
 
 μ, the variance of the noise over that of x - g, is the one that makes the misfit r = y - A g most likely, which is
-N(0, s² (A Aᵀ + μ I)) with s unknown: with λ_i, u_i the eigenvalues and eigenvectors of A Aᵀ,
+N(0, s² (A Aᵀ + μ I)) with s unknown: with λ_i, u_i the M eigenvalues and eigenvectors of A Aᵀ,
 
     log p(r) = -M/2 log(mean_i (u_i · r)² / (λ_i + μ)) - ½ Σ_i log(λ_i + μ) + const.
 
@@ -27,12 +27,14 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-MOST = 2**26
-"""Entries of A at most: 64-bit numbers of half a gigabyte."""
+MOST = 2**23
+"""Entries of A at most: half a minute of one thread."""
 AT_ONCE, STEPS, SETTLED = 256, 1000, 1e-7
 """Rows of A made at once; steps of the descent at most, and the change of a value at which it has ended."""
 NOISE = tuple(10.0 ** (half / 2) for half in range(-12, 7))
 """Values of μ that are compared, in units of the mean λ_i."""
+EXACT = 1e-7
+"""Singular values of A that are no rounding, as a share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +74,21 @@ class Readings:
 
     @cached_property
     def spectrum(self) -> tuple[Tensor, Tensor]:
-        """λ (M,) and u (M, M), its columns."""
-        values, vectors = torch.linalg.eigh(self.matrix @ self.matrix.T)
-        return values.clamp_min(0), vectors
+        """λ (R,) and u (M, R), its columns, with R the lesser of M and P: the other λ are 0."""
+        if len(self.matrix) <= self.matrix.shape[1]:
+            values, vectors = torch.linalg.eigh(self.matrix @ self.matrix.T)
+            return values.clamp_min(0), vectors
+        values, axes = torch.linalg.eigh(self.matrix.T @ self.matrix)
+        values = values.clamp_min(0)
+        return values, self.matrix @ axes / values.sqrt().clamp_min(EXACT * values.max().sqrt())
 
     def noise(self, misfit: Tensor) -> float:
         """Return μ, the most likely for a misfit r (M,)."""
         values, vectors = self.spectrum
         square = (vectors.T @ misfit).square()
+        if others := len(misfit) - len(values):  # with λ = 0, of which the mean alone is needed
+            rest = (misfit.square().sum() - square.sum()).clamp_min(0) / others
+            values, square = torch.cat([values, values.new_zeros(others)]), torch.cat([square, rest.expand(others)])
 
         def evidence(mu: float) -> float:
             total = values + mu

@@ -24,7 +24,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import torch
 from torch import Tensor, nn
@@ -216,22 +216,37 @@ class Fitter:
             return Fit(x, state.v, distance, weight, state.theta, posterior, projected, consistent)
 
     def _is_linear(self, x: Tensor, of: Pictures) -> bool:
-        """Whether pictures are linear in samples, in views that are known, and not too many."""
+        """Whether pictures are linear in samples, in views that are known, and not too many.
+
+        Pictures without views, such as one map of a material, have A Aᵀ = 1: noise looks like all else there.
+        """
         few = of.y.numel() * x[0].numel() <= MOST
-        linear = self.viewing.projection.linear and self.viewing.is_known(of.known)
-        return self.search.consistent and linear and few
+        viewed = bool(of.known) and self.viewing.is_known(of.known)
+        return self.search.consistent and self.viewing.projection.linear and viewed and few
 
     def _completed(self, x: Tensor, of: Pictures) -> Tensor:
         """Return samples (S, ...) that agree with the pictures, within [0, 1] if all candidates are."""
 
-        def project(some: Tensor, which: Tensor) -> Tensor:
-            return self.viewing.project(some, {name: value[which] for name, value in of.known.items()})
-
-        readings = Readings.of(project, len(of), x.shape[1:])
+        views = tuple((name, tuple(value.tolist())) for name, value in of.known.items())
+        readings = self._readings(views, len(of), x.shape[1:])
         among = self.candidates.x.amin() >= 0 and self.candidates.x.amax() <= 1
         bounds = (0.0, 1.0) if among else (-math.inf, math.inf)
         completed = readings.completed(x.flatten(1).double(), of.y.flatten().double(), bounds)
         return completed.to(x).view_as(x)
+
+    @cached_property
+    def _readings(self) -> Callable[[tuple[tuple[str, tuple[float, ...]], ...], int, torch.Size], Readings]:
+        """`_readings_of`, that keeps the last: sinograms of one folder mostly have the same angles."""
+        return lru_cache(maxsize=1)(self._readings_of)
+
+    def _readings_of(self, views: tuple[tuple[str, tuple[float, ...]], ...], count: int, shape: torch.Size) -> Readings:
+        """Return the readings of so many pictures of these views, by name, of samples of this shape."""
+        known = {name: torch.tensor(values) for name, values in views}
+
+        def project(some: Tensor, which: Tensor) -> Tensor:
+            return self.viewing.project(some, {name: value[which] for name, value in known.items()})
+
+        return Readings.of(project, count, shape)
 
     def _tuned(self, x: Tensor, state: State, of: Pictures) -> Tensor:
         """Return the sample (1, ...) of a generator that was trained for the pictures, unless it is further off."""
