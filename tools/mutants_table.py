@@ -1704,6 +1704,20 @@ METRICS = (
         "metrics/test_views.py",
     ),
     mutant(
+        "views: the mirror image is about the first direction, not the middle",
+        "metrics/views.py",
+        "called == (directions - 1 - true).remainder(bins)",
+        "called == (-true).remainder(bins)",
+        "metrics/test_views.py",
+    ),
+    mutant(
+        "views: up to the reflection of each image, the ceiling's own accuracy counts",
+        "metrics/views.py",
+        "share = (accuracy.exact_mirrored or 0.0) / ceiling.exact_mirrored",
+        "share = (accuracy.exact_mirrored or 0.0) / ceiling.exact",
+        "metrics/test_views.py",
+    ),
+    mutant(
         "views: chance forgets how often each bin was predicted",
         "metrics/views.py",
         "predicted[torch.randperm(len(predicted), generator=rng)]",

@@ -172,3 +172,32 @@ def test_chance_breaks_ties_as_the_accuracy_does():
     found = [view_accuracy(a, b, bins=16, trials=1).within_one for a, b in pairs]
     chance = [chance_level(a.bincount(minlength=16), b.bincount(minlength=16), trials=20)[1] for a, b in pairs]
     assert sum(found) / 300 == pytest.approx(sum(chance) / 300, abs=0.012)
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_a_line_may_be_that_of_the_mirror_image(half):
+    """Directions called t or 9 - t, image by image: half of them are right, all of them up to the reflection of each.
+
+    Where the ten are the first of twenty around, lines are read from one end, and a world that is turned by three
+    relabels them to 3 - t or t - 6, which no reflection of single images changes.
+    """
+    true, mirrored = torch.arange(400) % 10, labels(400, 2).bool()
+    called = torch.where(mirrored, 9 - true, true)
+    bins = 10 if half else 20
+    found = view_accuracy(Gauge(3, True, 20).view(called) % bins, true, bins, half=half, mirrored=True)
+    assert found.exact_mirrored == 1 and 0.4 < found.exact < 0.65
+    assert found.chance_exact_mirrored is not None and 1.5 * found.chance_exact < found.chance_exact_mirrored < 0.35
+    assert view_accuracy((called + (true == 3)) % bins, true, bins, half=half, mirrored=True).exact_mirrored == 0.9
+
+
+def test_the_mirrored_accuracy_is_a_share_of_the_same_of_the_ceiling():
+    true = torch.arange(40) % 10
+    called = torch.where(true > 7, 5, true)
+    best = view_accuracy(torch.where(true == 0, 9, called), true, 10, half=True, mirrored=True)
+    assert best.exact == pytest.approx(0.7) and best.exact_mirrored == pytest.approx(0.8)
+    found = view_accuracy(torch.where(true < 4, 5, 9 - true), true, 10, half=True, mirrored=True)
+    scores = view_scores(found, best)
+    assert scores["view_of_ceiling_mirrored"].value == pytest.approx(0.6 / 0.8)
+    assert "up to the reflection of each image" in scores["view_exact_mirrored"].protocol
+    assert scores["view_chance_exact_mirrored"].value < 0.4
+    assert not any("mirrored" in name for name in view_scores(view_accuracy(true, true, 10, half=True)))

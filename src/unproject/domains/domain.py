@@ -37,6 +37,8 @@ class Domain(ABC):
         previewed: how many samples a preview shows.
         scored: how many samples are scored (default of `unproject evaluate --n`).
         written: the format that samples are written in unless another is named.
+        open_reflection: a projection of a sample in a view is also that of its mirror image in another view, so that
+            data of unknown views leave a reflection open for each sample by itself.
 
     Examples:
         >>> import torch, unproject as up
@@ -55,6 +57,7 @@ class Domain(ABC):
     previewed: ClassVar[int] = 16
     scored: ClassVar[int] = 256
     written: ClassVar[str] = "npz"
+    open_reflection: ClassVar[bool] = False
 
     @abstractmethod
     def preview(self, x: Tensor) -> Image.Image:

@@ -38,6 +38,7 @@ class Images(Domain):
     previewed: ClassVar[int] = 64
     scored: ClassVar[int] = 2000
     written: ClassVar[str] = "png"
+    open_reflection: ClassVar[bool] = True
 
     def preview(self, x: Tensor) -> Image.Image:
         return export.silhouette_sheet(x, scale=2)

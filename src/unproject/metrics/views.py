@@ -6,13 +6,18 @@ With predicted bins p and true bins t of K, and the 2K relabellings q(p) = ±p +
 
 The directions of line integrals cover half a turn: there K is twice their number, and q is taken modulo K / 2.
 
+Line integrals leave a reflection M open for each image by itself (`open_turns`): the line of x in direction t of n is
+that of M x in direction n - 1 - t. So for them both count as right too:
+
+    exact mirrored = max over q of  mean [q(p) = t or q(p) = n - 1 - t]
+
 Random labels score above 1/K, because the best of 2K relabellings is taken. The chance level is the mean of that
 maximum over shuffles of the predicted labels.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -36,6 +41,7 @@ class ViewAccuracy:
             `best_gauge(generated, reference)` for a perfect generator. true = gauge.inverse.view(p).
         confusion: (K, K) counts, rows the true bin, columns the predicted bin after relabelling.
         chance_exact, chance_within_one: mean scores of shuffled labels.
+        exact_mirrored, chance_exact_mirrored: of line integrals, up to the reflection of each image too; else None.
     """
 
     exact: float
@@ -44,6 +50,8 @@ class ViewAccuracy:
     confusion: Tensor
     chance_exact: float
     chance_within_one: float
+    exact_mirrored: float | None = None
+    chance_exact_mirrored: float | None = None
 
     @property
     def n(self) -> int:
@@ -52,7 +60,14 @@ class ViewAccuracy:
 
 
 def view_accuracy(
-    predicted: Tensor, true: Tensor, bins: int = 16, *, half: bool = False, seed: int = 0, trials: int = TRIALS
+    predicted: Tensor,
+    true: Tensor,
+    bins: int = 16,
+    *,
+    half: bool = False,
+    mirrored: bool = False,
+    seed: int = 0,
+    trials: int = TRIALS,
 ) -> ViewAccuracy:
     """Compute the accuracy of predicted view bins, maximised over the 2 · bins dihedral relabellings.
 
@@ -63,6 +78,8 @@ def view_accuracy(
         true: (N,) integers in [0, bins).
         bins: azimuth bins of a full turn, an even number; or directions of half a turn, any number.
         half: the bins cover half a turn, as directions of line integrals do.
+        mirrored: of line integrals: also score up to the reflection of each image. Without `half` the directions over
+            half a turn are the first half of the bins.
         seed, trials: of the Monte Carlo chance level.
 
     Raises:
@@ -81,10 +98,15 @@ def view_accuracy(
     exact, within = (score[0] for score in _scores(found, table))
     best = max(range(len(table)), key=lambda q: (exact[q].item(), within[q].item()))
     counts = [torch.bincount(labels.long(), minlength=bins) for labels in (predicted, true)]
-    chance = chance_level(counts[0], counts[1], half=half, seed=seed, trials=trials)
+    shuffles = _shuffles(counts[0], counts[1], seed, trials)
+    chance = _mean_of_best(shuffles, table, len(true))
     confusion = found[0][:, table[best].argsort()].long()
-    gauge = _gauges(bins, half)[best]
-    return ViewAccuracy(exact[best].item(), within[best].item(), gauge, confusion, *chance)
+    result = ViewAccuracy(exact[best].item(), within[best].item(), _gauges(bins, half)[best], confusion, *chance)
+    if not mirrored:
+        return result
+    directions = bins if half else bins // 2
+    level, chance = (_exact_mirrored(some, table, directions).mean().item() for some in (found, shuffles))
+    return replace(result, exact_mirrored=level, chance_exact_mirrored=chance)
 
 
 def chance_level(
@@ -102,14 +124,25 @@ def chance_level(
         seed: of the shuffles.
         trials: shuffles; the standard error is that of one score over √trials.
     """
+    shuffles = _shuffles(predicted_counts, true_counts, seed, trials)
+    return _mean_of_best(shuffles, _relabellings(len(true_counts), half), int(true_counts.sum()))
+
+
+def _shuffles(predicted_counts: Tensor, true_counts: Tensor, seed: int, trials: int) -> Tensor:
+    """Return the confusions (trials, K, K) of labels with these histograms that are independent of one another."""
     bins = len(true_counts)
     predicted, true = (torch.arange(bins).repeat_interleave(c.long()) for c in (predicted_counts, true_counts))
     _check_labels(predicted, true, bins)
-    rng, table = generator_at(seed, 0, "chance"), _relabellings(bins, half)
+    rng = generator_at(seed, 0, "chance")
     shuffled = torch.stack([predicted[torch.randperm(len(predicted), generator=rng)] for _ in range(trials)])
-    exact, within = _scores(_confusions(shuffled, true, bins), table)
-    # As above: of gauges that are equally exact, the one with more within one. Shares are multiples of 1 / n.
-    best = (exact + within / (2 * len(true))).argmax(1, keepdim=True)
+    return _confusions(shuffled, true, bins)
+
+
+def _mean_of_best(confusions: Tensor, table: Tensor, n: int) -> tuple[float, float]:
+    """Return the mean (exact, within one) over confusions of n labels, each in its best gauge."""
+    exact, within = _scores(confusions, table)
+    # Of gauges that are equally exact, the one with more within one. Shares are multiples of 1 / n.
+    best = (exact + within / (2 * n)).argmax(1, keepdim=True)
     return exact.amax(1).mean().item(), within.gather(1, best).mean().item()
 
 
@@ -134,7 +167,22 @@ def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, see
     if ceiling is not None:
         values["view_ceiling_exact"] = (ceiling.exact, "exact accuracy of a predictor trained on true labels")
         values["view_of_ceiling"] = (of_ceiling(accuracy, ceiling), "exact accuracy over that of the ceiling")
+    if accuracy.exact_mirrored is not None:
+        values |= _mirrored_values(accuracy, ceiling)
     return {name: Score(value, f"{what}, {setting}", n, seed) for name, (value, what) in values.items()}
+
+
+def _mirrored_values(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None) -> dict[str, tuple[float, str]]:
+    """Return what `view_scores` says of accuracies up to the reflection of each image."""
+    of = "exact accuracy up to the reflection of each image"
+    values = {
+        "view_exact_mirrored": (accuracy.exact_mirrored or 0.0, of),
+        "view_chance_exact_mirrored": (accuracy.chance_exact_mirrored or 0.0, f"mean {of} of shuffled labels"),
+    }
+    if ceiling is not None and ceiling.exact_mirrored:
+        share = (accuracy.exact_mirrored or 0.0) / ceiling.exact_mirrored
+        values["view_of_ceiling_mirrored"] = (share, f"{of} over that of a predictor trained on true labels")
+    return values
 
 
 def _gauges(bins: int, half: bool) -> tuple[Gauge, ...]:
@@ -161,6 +209,16 @@ def _scores(confusions: Tensor, table: Tensor) -> tuple[Tensor, Tensor]:
     total = confusions.sum((1, 2))[:, None]
     exact, within = (torch.einsum("itp,gtp->ig", confusions, mask) / total for mask in (hit, near))
     return exact, within
+
+
+def _exact_mirrored(confusions: Tensor, table: Tensor, directions: int) -> Tensor:
+    """Return the accuracy (I,) up to the reflection of each image, each in its best gauge."""
+    bins = confusions.shape[-1]
+    true = torch.arange(bins)[None, :, None]
+    called = table[:, None, :]
+    hit = (called == true) | (called == (directions - 1 - true).remainder(bins))
+    exact = torch.einsum("itp,gtp->ig", confusions, hit.double()) / confusions.sum((1, 2))[:, None]
+    return exact.amax(1)
 
 
 def _check_labels(predicted: Tensor, true: Tensor, bins: int) -> None:

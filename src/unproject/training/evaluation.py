@@ -164,7 +164,8 @@ def accuracy_of(domain: Domain, panel: Panel, predicted: Tensor, true: Tensor) -
     """Return the accuracy up to gauge, by the first latent alone: azimuth, whatever the elevation, or angle."""
     bins = domain.bins(panel.observations)
     each = len(panel.observations) // bins
-    return view_accuracy(predicted // each, true // each, bins, half=domain.half_turn(panel.observations))
+    half, mirrored = domain.half_turn(panel.observations), domain.open_reflection
+    return view_accuracy(predicted // each, true // each, bins, half=half, mirrored=mirrored)
 
 
 def projected(state: AssignmentState, x: Tensor, seed: int) -> Tensor:
