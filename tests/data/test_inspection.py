@@ -68,7 +68,8 @@ def test_a_framing_reaches_the_pictures(folder: Path) -> None:
 
 @pytest.mark.parametrize("recipe", ["shapes", "shapes-paper", "digits"])
 def test_the_verb_shows_the_size_that_the_recipe_takes(folder: Path, capsys, recipe: str) -> None:
-    size = inspect_module.signature(find(recipe)).parameters["size"].default or size_for(folder)
+    default = inspect_module.signature(find(recipe)).parameters["size"].default
+    size = default or (32 if recipe == "digits" else size_for(folder))
     assert main(["data", "inspect", str(folder), "--for", recipe, "--json"]) == 0
     described = json.loads(capsys.readouterr().out)
     assert (
@@ -175,3 +176,18 @@ def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(
     cropped, kept = inspect(tmp_path), inspect(tmp_path, framing=Framing(mode="keep"))
     assert "but of cropped pictures shapes take it that they were level" in cropped.summary()[-1]
     assert "shapes take it that cameras looked down, if pictures were not cropped" in kept.summary()[-1]
+
+
+def test_what_is_not_read_of_an_npz_is_said_and_the_size_that_lines_are_learned_at(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "scans.npz"
+    lines = np.random.default_rng(0).random((60, 64)).astype(np.float32)
+    np.savez(path, lines=lines, theta=np.linspace(0, 3, 60), dose=np.ones((60, 2)))
+    assert main(["data", "inspect", str(path), "--for", "digits"]) == 0
+    said = capsys.readouterr().out
+    assert "  learned as pictures of 64 x 64: see --size of train\n  not read: dose 60 x 2\n" in said
+    assert main(["data", "inspect", str(path), "--for", "digits", "--size", "16", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["not_read"] == {"dose": [60, 2]}
+    pictures = tmp_path / "masks.npz"
+    np.savez(pictures, masks=lines.reshape(60, 8, 8) > 0.5, azimuth=np.zeros(60), theta=np.zeros(60))
+    found = inspect(pictures)
+    assert found.unread == {"theta": (60,)} and not any("learned as" in line for line in found.summary())

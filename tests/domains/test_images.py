@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import pytest
 import torch
 
 from unproject.data import digits
@@ -20,3 +21,19 @@ def test_images_are_turned_by_their_gauge_before_each_is_turned_at_random() -> N
         for images, turns in ((x, None), (turned, 20), (turned, None))
     )
     assert found < 1.3 * upright and left > 3 * upright
+
+
+def test_of_other_images_than_digits_it_is_said_what_scores_mean() -> None:
+    noise = torch.rand(40, 1, 24, 20, generator=torch.Generator().manual_seed(0))
+    with pytest.warns(UserWarning, match="do not look like handwritten digits"):
+        scores = Images().scores(noise[:20], noise[20:])
+    assert {"frechet", "mmd_rms", "cov_rms", "1nna_rms"} <= scores.keys()
+    assert not any(name.startswith("class_") for name in scores)
+    assert {"class_0", "mmd_rms"} <= Images().scores(digits(32)[:60], digits(32)[60:120]).keys()
+
+
+def test_pixels_are_compared_after_the_gauge() -> None:
+    x = digits(32)[:200]
+    turned = turn_image(x, torch.full((len(x),), math.pi / 2))
+    found, left = (Images().scores(turned, x, turns=turns)["mmd_rms"].value for turns in (4, None))
+    assert found < 0.02 < 0.1 < left

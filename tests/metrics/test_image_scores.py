@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from unproject._types import UserError
-from unproject.data import digit_labels, digits
-from unproject.metrics import Gauge, apply_to_images, best_image_gauge, image_scores
+from unproject.data import birds, digit_labels, digits
+from unproject.metrics import Gauge, apply_to_images, are_digits, best_image_gauge, image_scores, pixel_scores
 from unproject.metrics.digit_classifier import digit_features
 from unproject.projections.line_integral import LineIntegral
 
@@ -85,3 +85,36 @@ def test_images_that_cannot_be_scored():
         image_scores(DIGITS * float("nan"), DIGITS)
     with pytest.raises(UserError, match="give images"):
         digit_features(DIGITS[:, 0])
+
+
+def test_pixels_of_known_sets_by_hand():
+    """Three levels of grey: 0 and 1 are there, 0.5 is a quarter from the nearest of two generated ones."""
+    grey = torch.tensor([0.0, 0.5, 1.0])[:, None, None, None].expand(3, 1, 4, 6)
+    scores = {name: score.value for name, score in pixel_scores(torch.stack([grey[0], grey[2] - 0.25]), grey).items()}
+    assert scores["mmd_rms"] == pytest.approx((0 + 0.25 + 0.25) / 3)
+    assert scores["cov_rms"] == pytest.approx(2 / 3)
+    copies = pixel_scores(DIGITS[:100], DIGITS[:100])
+    assert copies["mmd_rms"].value == pytest.approx(0, abs=1e-3) and copies["cov_rms"].value == 1
+    other = pixel_scores(DIGITS[::2], DIGITS[1::2])
+    noise = pixel_scores(torch.rand(100, 1, 32, 32), DIGITS[:100])
+    assert 0.4 < other["1nna_rms"].value < 0.65 and noise["1nna_rms"].value == 1
+    assert "149 generated vs 148 reference" in other["mmd_rms"].protocol
+
+
+@pytest.mark.parametrize(
+    "generated, reference",
+    [
+        (torch.rand(3, 1, 8, 8), torch.rand(3, 1, 8, 9)),
+        (torch.rand(3, 1, 8, 8) / 0, torch.rand(3, 1, 8, 8)),
+        (torch.rand(0, 1, 8, 8), torch.rand(3, 1, 8, 8)),
+    ],
+)
+def test_pixels_that_cannot_be_compared_are_the_users_to_mend(generated, reference):
+    with pytest.raises(UserError, match="pixel scores: "):
+        pixel_scores(generated, reference)
+
+
+def test_digits_are_told_from_other_images():
+    assert are_digits(DIGITS) and are_digits(digits(16))
+    assert not are_digits(1 - DIGITS) and not are_digits(torch.rand(40, 1, 32, 32))
+    assert not are_digits(birds(40, 32).amax(3)[:, None].float())

@@ -1,4 +1,4 @@
-"""The size that `shapes` learns at: chosen by the headers of the data, kept by the run."""
+"""The size that recipes learn at: chosen by the headers of the data, kept by the run."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ import pytest
 from PIL import Image
 
 from unproject.cli import main
-from unproject.data import chairs, side_of
+from unproject.data import chairs, detectors_of, side_of
+from unproject.recipes.digits import digits, digits_paper
 from unproject.recipes.shapes import shapes
-from unproject.recipes.sizes import size_for
+from unproject.recipes.sizes import size_for, size_for_images
 from unproject.training import Recipe, rebuild
 from unproject.training.description import describe
 
@@ -242,3 +243,35 @@ def test_inspect_says_that_views_are_known(known: bool, tmp_path: Path, capsys: 
         (data / "views.csv").write_text("\n".join(["file,azimuth", *rows]))
     assert main(["data", "inspect", str(data)]) == 0
     assert ("azimuths are known: --views known" in capsys.readouterr().out) == known
+
+
+@pytest.mark.parametrize(
+    "key, shape, size",
+    [
+        ("lines", (5, 64), 64),
+        ("lines", (5, 1, 46), 64),
+        ("lines", (5, 45), 32),
+        ("sinograms", (3, 20, 7), 16),
+        ("sinogram", (100, 7), 64),
+        ("lines", (5, 5), 8),
+        ("images", (5, 64, 64), 32),
+    ],
+)
+def test_measured_lines_choose_the_size_of_pictures(
+    tmp_path: Path, key: str, shape: tuple[int, ...], size: int
+) -> None:
+    data = tmp_path / "scans.npz"
+    np.savez(data, **{key: np.full(shape, 0.5, np.float32)})
+    assert size_for_images(data) == size
+    for recipe in (digits, digits_paper):
+        views = "known" if key == "images" else "predicted"
+        assert generator_size(recipe(data=data, views=views, channels=16)) == size
+        assert generator_size(recipe(data=data, views=views, channels=16, size=16)) == 16
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PK\x03\x04 cut", b"text"])
+def test_damaged_lines_are_left_to_the_reader(tmp_path: Path, content: bytes | None) -> None:
+    if content is not None:
+        (tmp_path / "scans.npz").write_bytes(content)
+    assert detectors_of(tmp_path / "scans.npz") is None and size_for_images(tmp_path / "scans.npz") == 32
+    assert size_for_images(None) == 32

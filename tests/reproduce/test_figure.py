@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from unproject.data import chairs, correlated, digits
-from unproject.domains import Maps
-from unproject.metrics import image_scores, shape_scores
+from unproject.domains import Images, Maps
+from unproject.metrics import shape_scores
 from unproject.recipes import find
 from unproject.reproduce import FIGURES, Arm, Claim, Figure, overall, verdict
 from unproject.reproduce.budgets import SIZES, flags_of
@@ -101,7 +101,7 @@ def scores_there_are(source: str) -> set[str]:
     if source in SHAPES:
         return set(shape_scores(chairs(4, 16), chairs(4, 16, seed=1))) | VIEWS
     if source in ("digits", "mnist"):
-        return set(image_scores(digits(32)[:64], digits(32)[64:128]))
+        return set(Images().scores(digits(32)[:64], digits(32)[64:128])) | {"view_of_ceiling_mirrored"}
     maps = correlated(16, 16, 0)
     return set(score_materials(Maps(), maps, maps, source))
 

@@ -25,7 +25,7 @@ from .readers.how import How
 from .readers.lights import OBSERVATIONS, photographed, refuse_unsorted, unsorted
 from .readers.patches import material_patches
 from .readers.probes import read_probe, read_probes, resample_probe
-from .readers.sides import picture_count, side_of
+from .readers.sides import detectors_of, picture_count, side_of
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
 from .reading import read
@@ -56,6 +56,7 @@ __all__ = [
     "chairs",
     "correlated",
     "daylight_probes",
+    "detectors_of",
     "digit_labels",
     "digits",
     "fabric",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,12 +14,14 @@ from .._types import printable
 from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
 from .measured_lines import INTENSITIES, are_intensities, center_of, scale_of
+from .readers.arrays import unread_arrays
 from .readers.found import Found, check_size
 from .readers.framing import Framing
 from .readers.how import How
 from .readers.latents import LATENTS
 from .readers.paths import holds_shapes
 from .readers.pictures import found_of, stacked, survey_pictures
+from .readers.shapes import is_shape_archive
 from .reading import read
 from .sampling import spread_rows
 
@@ -41,6 +43,8 @@ class Inspection:
         notes: of materials, lines of text on what they are and what they show.
         materials: those of which patches are cut out, as they are.
         cropped: whether each picture is cropped to its object as it is read.
+        unread: arrays of an .npz that are left, and their shapes.
+        size: of the pictures that are learned from lines, pixels a side, if one was given.
     """
 
     source: str
@@ -49,6 +53,8 @@ class Inspection:
     notes: tuple[str, ...] = ()
     materials: Collection | None = None
     cropped: bool = False
+    unread: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    size: int | None = None
 
     @property
     def skipped(self) -> tuple[Row, ...]:
@@ -78,6 +84,11 @@ class Inspection:
             lines.append(f"  {name}: {len(found)} of {' x '.join(map(str, found.shape))}; views: {views}")
             lines += [f"  {latent}: {low:.1f}° to {high:.1f}°" for latent, (low, high) in degrees_of(found).items()]
             lines += readings_of(found)
+            if self.size is not None and len(found.shape) == 2:
+                lines.append(f"  learned as pictures of {self.size} x {self.size}: see --size of train")
+        if self.unread:
+            left = ", ".join(f"{printable(name)} {' x '.join(map(str, s))}" for name, s in self.unread.items())
+            lines.append(f"  not read: {left}")
         level = self.level_outlines()
         if level is None:
             return lines
@@ -101,6 +112,7 @@ class Inspection:
             "views": None if first is None or first.latents is None else list(first.latents),
             "level_outlines": self.level_outlines(),
             "notes": [*self.notes],
+            "not_read": {name: [*shape] for name, shape in self.unread.items()},
             "collections": {name: [len(found), *found.shape] for name, found in self.collections.items()},
             "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
             "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
@@ -160,7 +172,8 @@ def inspect(
     found = read(path, size, pictures=pictures, framing=framing, strict=strict)
     kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.stored).kind]
     name = "silhouettes" if kind == "picture" and pictures == "silhouettes" else f"{kind}s"
-    return _inspection(path, {name: found}, {name: kind})
+    unread = {} if is_shape_archive(path) else unread_arrays(path)
+    return replace(_inspection(path, {name: found}, {name: kind}), unread=unread, size=size)
 
 
 def _inspection(path: Path, found: Mapping[str, Collection], kinds: Mapping[str, str]) -> Inspection:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,25 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, read
-from ..metrics import Gauge, Score, apply_to_images, image_scores, line_scores, turned_scores
+from ..metrics import (
+    Gauge,
+    Score,
+    apply_to_images,
+    are_digits,
+    image_scores,
+    line_scores,
+    pixel_scores,
+    turned_scores,
+)
 from ..projections.observation import Observation
 from .domain import Domain
 from .views import cover_half_a_turn, free_turns, view_bins
 
+NO_DIGITS = (
+    "the references do not look like handwritten digits, white on black: frechet, kernel, precision, recall, "
+    "density and coverage are on features of a classifier of digits and say little of others; mmd_rms, cov_rms and "
+    "1nna_rms are of pixels, of anything"
+)
 DIRECTIONS = 10
 """Of the lines whose group samples are scored up to, if the data do not say: the paper's."""
 
@@ -48,12 +63,16 @@ class Images(Domain):
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         upright = image_scores(x, reference, bins=turns, seed=seed)
-        if x.shape[2] != x.shape[3]:
-            return upright
         if turns:
             x = apply_to_images(
                 x, Gauge(int(upright["gauge_turn"].value), bool(upright["gauge_reflected"].value), turns)
             )
+        if not are_digits(reference):
+            warnings.warn(NO_DIGITS, stacklevel=2)
+            upright = {name: score for name, score in upright.items() if not name.startswith("class_")}
+        upright |= pixel_scores(x, reference, seed=seed)
+        if x.shape[2] != x.shape[3]:
+            return upright
         return upright | turned_scores(x, reference, turns // 2 if turns else DIRECTIONS, seed)
 
     def projection_scores(

@@ -1,11 +1,12 @@
 """Scores with protocols: of sets of shapes, images, silhouettes, lines and materials, and of views up to gauge."""
 
 from .confusion import confusion_picture
+from .digit_classifier import are_digits
 from .distances import chamfer, exposed_faces, one_minus_iou, surface_points
 from .feature_sets import cubic_kernel, density_coverage, frechet_distance, kernel_distance, precision_recall
 from .finding import WORDS, Finding, Word, worst
 from .gauge import Gauge, apply, apply_to_images, best_gauge, dihedral
-from .image_scores import best_image_gauge, image_scores
+from .image_scores import best_image_gauge, image_scores, pixel_scores
 from .line_sets import line_scores
 from .map_correlation import CorrelationError, CorrelationTable, correlation_error, map_correlations
 from .material_scores import material_scores
@@ -30,6 +31,7 @@ __all__ = [
     "Word",
     "apply",
     "apply_to_images",
+    "are_digits",
     "best_gauge",
     "best_image_gauge",
     "chamfer",
@@ -59,6 +61,7 @@ __all__ = [
     "shape_scores",
     "silhouette_features",
     "picture_scores",
+    "pixel_scores",
     "silhouette_scores",
     "surface_points",
     "texture_features",

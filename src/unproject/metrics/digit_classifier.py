@@ -17,6 +17,9 @@ from torch import Tensor, nn
 from .._types import UserError
 
 SIDE, FEATURES, CLASSES = 32, 64, 10
+SURE, MOSTLY = 0.9, 0.5
+"""A probability of a class, and the share of images that have one so large, of digits: 0.94 of MNIST, 0.90 of the
+embedded ones; of silhouettes of birds, phantoms and noise 0.03 to 0.10."""
 BATCH = 500
 UPRIGHT, TURNED = "digit_classifier", "turned_digit_classifier"
 
@@ -51,6 +54,19 @@ def digit_classifier(name: str = UPRIGHT) -> DigitClassifier:
 
 
 @torch.no_grad()
+def are_digits(images: Tensor) -> bool:
+    """Whether most of these images (N, 1, H, W) are surely one of the ten digits, white on black.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> are_digits(up.data.digits(32)[:64]), are_digits(torch.rand(64, 1, 32, 32))
+        (True, False)
+    """
+    sure = [digit_classifier()(part)[1].softmax(1).amax(1) > SURE for part in _prepared(images).split(BATCH)]
+    return torch.cat(sure).float().mean().item() > MOSTLY
+
+
+@torch.no_grad()
 def digit_features(images: Tensor, name: str = UPRIGHT) -> tuple[Tensor, Tensor]:
     """Return features (N, 64) and classes 0 to 9 (N,) of white digits on black, (N, 1, H, W) in [0, 1].
 
@@ -67,11 +83,17 @@ def digit_features(images: Tensor, name: str = UPRIGHT) -> tuple[Tensor, Tensor]
         >>> features.shape, classes.shape
         (torch.Size([3, 64]), torch.Size([3]))
     """
+    found = [digit_classifier(name)(part) for part in _prepared(images).split(BATCH)]
+    return torch.cat([features for features, _ in found]), torch.cat([logits for _, logits in found]).argmax(1)
+
+
+def _prepared(images: Tensor) -> Tensor:
+    """Return images as the classifiers take them, (N, 1, 32, 32)."""
     if images.dim() != 4 or images.shape[1] != 1 or not images.numel():
         raise UserError(f"digit features: give images (N, 1, H, W), not {tuple(images.shape)}")
     if not bool(torch.isfinite(images).all()):
         raise UserError("digit features: the images have NaN or infinite values; fix or leave out those images")
-    if images.shape[2:] != (SIDE, SIDE):
-        images = F.interpolate(images, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=True)
-    found = [digit_classifier(name)(part.float()) for part in images.split(BATCH)]
-    return torch.cat([features for features, _ in found]), torch.cat([logits for _, logits in found]).argmax(1)
+    images = images.float()
+    if images.shape[2:] == (SIDE, SIDE):
+        return images
+    return F.interpolate(images, size=(SIDE, SIDE), mode="bilinear", align_corners=False, antialias=True)

@@ -1,4 +1,4 @@
-"""Distances between generated and held-out images of digits, on the features of the digit classifier."""
+"""Distances between generated and held-out images: of digits on features of the digit classifier, of any by pixels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .digit_classifier import CLASSES, FEATURES, digit_features
 from .feature_sets import density_coverage, frechet_distance, kernel_distance, precision_recall
 from .gauge import Gauge, apply_to_images, dihedral
 from .score import Score
-from .shape_scores import drawn
+from .shape_scores import drawn, set_scores
 
 SELECTION, MOST = 1000, 5000
 
@@ -71,6 +71,47 @@ def image_scores(
         "gauge_turn": Score(float(gauge.turn), turn, len(generated), seed),
         "gauge_reflected": Score(float(gauge.reflected), reflected, len(generated), seed),
     }
+
+
+@torch.no_grad()
+def pixel_scores(generated: Tensor, reference: Tensor, *, seed: int = 0) -> dict[str, Score]:
+    """Score generated images (G, C, H, W) of anything against reference images by the distance of their pixels.
+
+    The distance of two images is the root of their mean squared difference. At most 5000 of each set are compared.
+
+    Returns:
+        `mmd_rms`, `cov_rms`, `1nna_rms`: see `shape_sets`. MMD prefers blurred images, as any mean of squares does.
+
+    Raises:
+        UserError: for images of different sizes, no image, or NaN.
+
+    Examples:
+        >>> import unproject as up
+        >>> digits = up.data.digits(32)
+        >>> scores = up.metrics.pixel_scores(digits[:64], digits[64:128])
+        >>> sorted(scores)
+        ['1nna_rms', 'cov_rms', 'mmd_rms']
+    """
+    if generated.shape[1:] != reference.shape[1:] or not (len(generated) and len(reference)):
+        raise UserError(
+            f"pixel scores: give images of one size, not {tuple(generated.shape)} and {tuple(reference.shape)}"
+        )
+    if not bool(torch.isfinite(generated).all() and torch.isfinite(reference).all()):
+        raise UserError("pixel scores: the images have NaN or infinite values; fix or leave out those images")
+    x, y = (images[drawn(len(images), MOST, seed)].flatten(1).float() for images in (generated, reference))
+    setting = "root mean square difference of pixels), {} generated vs {} reference"
+    found = set_scores("rms", root_mean_square_difference, x, y, setting, seed)
+    return {name: score for name, score in found.items() if not name.endswith("_equal")}
+
+
+def root_mean_square_difference(x: Tensor, y: Tensor) -> Tensor:
+    """Return the distances (G, R) of the rows of x (G, P) and y (R, P).
+
+    Examples:
+        >>> root_mean_square_difference(torch.zeros(1, 4), torch.tensor([[1.0, 1.0, 1.0, 1.0], [2.0, 0.0, 0.0, 0.0]]))
+        tensor([[1., 1.]])
+    """
+    return torch.cdist(x, y) / x.shape[1] ** 0.5
 
 
 def best_image_gauge(generated: Tensor, reference: Tensor, bins: int) -> Gauge:

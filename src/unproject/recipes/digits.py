@@ -27,6 +27,7 @@ from ..networks import Discriminator, ImageGenerator, LineDiscriminator, SmoothI
 from ..projections.line_integral import LineIntegral, directions, opposite_directions
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, jointly_predicted, panel_of
+from .sizes import SMALL, images_sized_by_data
 
 DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
@@ -34,12 +35,13 @@ ANCHOR_PENALTY = 10.0
 """Factor of the gradient penalty of anchors."""
 
 
+@images_sized_by_data
 @resumable
 def digits(
     *,
     data: Path | None = None,
     views: Views = "known",
-    size: int = 32,
+    size: int | None = None,
     bins: int = 10,
     spread: float | None = None,
     center: float | None = None,
@@ -64,7 +66,8 @@ def digits(
         views: what is known of the directions: known, predicted (nothing; they are estimated image by image), learned
             (nothing; only their distribution is estimated), single (nothing; one discriminator head), or direct (no
             projection: train on the images themselves).
-        size: pixels a side, and detectors.
+        size: pixels a side, and detectors where lines are taken of images (default: 32; of measured lines 8, 16, 32 or
+            64, whichever is nearest to their detectors).
         bins: directions, evenly over half a turn.
         spread: each direction is uniform within ± so many degrees (default: 2.5; of measured lines 90 / `bins`, which
             leaves no gap).
@@ -87,6 +90,7 @@ def digits(
     """
     adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
     predicted = jointly_predicted(rounds, balance, information, opposite_directions(bins), window=bins)
+    size = SMALL if size is None else size
     scan = Scan(size, bins, spread, views_per_image, center)
     source = source_of(data, views, scan)
     panel = line_panel(source, views, scan, seed, predicted, whole=True)
@@ -112,12 +116,13 @@ def digits(
     ).configured(options)
 
 
+@images_sized_by_data
 @resumable
 def digits_paper(
     *,
     data: Path | None = None,
     views: Views = "known",
-    size: int = 32,
+    size: int | None = None,
     bins: int = 10,
     spread: float | None = None,
     center: float | None = None,
@@ -137,7 +142,8 @@ def digits_paper(
     Args:
         data: measured lines or pictures, as in `digits` (default: handwritten digits).
         views: known, predicted, learned, single or direct, as in `digits`.
-        size: pixels a side, and detectors.
+        size: pixels a side, and detectors where lines are taken of images (default: 32; of measured lines 8, 16, 32 or
+            64, whichever is nearest to their detectors).
         bins: directions, evenly over half a turn.
         spread: each direction is uniform within ± so many degrees (default: 2.5; of measured lines 90 / `bins`, which
             leaves no gap).
@@ -154,6 +160,7 @@ def digits_paper(
     """
     adam = Adam(1e-4, beta1=0.5, beta2=0.999)
     predicted = five_rounds(predictor_steps, predictor_images, clusters)
+    size = SMALL if size is None else size
     scan = Scan(size, bins, spread, views_per_image, center)
     return Recipe(
         generator=partial(ImageGenerator, size=size, channels=channels),

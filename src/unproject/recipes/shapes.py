@@ -33,10 +33,10 @@ from .shape_panels import (
     silhouettes_of,
     split_panel,
 )
-from .sizes import sized_by_data, steps_of
+from .sizes import shapes_sized_by_data, steps_of
 
 
-@sized_by_data
+@shapes_sized_by_data
 @in_fast_precision
 @resumable
 def shapes(

@@ -1,13 +1,14 @@
-"""Sizes: the resolution that recipes of shapes learn at, chosen by the data."""
+"""Sizes: the resolution that recipes of shapes and of images learn at, chosen by the data."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
-from ..data import picture_count, side_of
+from ..data import detectors_of, picture_count, side_of
 from ..training import Recipe
 
 P = ParamSpec("P")
@@ -34,21 +35,43 @@ def size_for(data: Path | None) -> int:
     return SMALL if count is not None and count < FEW else LARGE
 
 
-def sized_by_data(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
-    """Give a recipe function the `size` that its `data` are for, unless one is given.
+def size_for_images(data: Path | None) -> int:
+    """Return the size of 8, 16, 32 and 64 that is nearest to the number of detectors, by ratio; 32 for pictures.
+
+    A picture much coarser than its lines is told from what was measured by its steps alone. More than 64 is slow on a
+    processor.
+    """
+    detectors = None if data is None else detectors_of(data)
+    return SMALL if not detectors else 2 ** min(max(round(math.log2(detectors)), 3), 6)
+
+
+def _size_of_shapes(data: Path | None, arguments: Mapping[str, Any]) -> int:
+    """Short budgets stay at 32³, and so does direct training: at 64³ a step of 3-D convolutions takes seven seconds."""
+    minutes = arguments.get("minutes")
+    short = isinstance(minutes, int | float) and minutes < LEAST_MINUTES
+    return SMALL if short or arguments.get("views") == "direct" else size_for(data)
+
+
+def _sized(
+    choose: Callable[[Path | None, Mapping[str, Any]], int],
+) -> Callable[[Callable[P, Recipe]], Callable[P, Recipe]]:
+    """Give a recipe function the `size` that is chosen by its `data`, unless one is given.
 
     It goes around `resumable`, so that recipe.json holds the size: a run resumes at it whatever becomes of the data.
-    Short budgets stay at 32³, and so does direct training: at 64³ a step of 3-D convolutions takes seven seconds of a
-    core.
     """
 
-    @functools.wraps(function)
-    def sized(*positional: P.args, **arguments: P.kwargs) -> Recipe:
-        if arguments.get("size") is None:
-            data, minutes = arguments.get("data"), arguments.get("minutes")
-            short = isinstance(minutes, int | float) and minutes < LEAST_MINUTES
-            small = short or arguments.get("views") == "direct"
-            arguments["size"] = SMALL if small else size_for(data if data is None else Path(str(data)))
-        return function(*positional, **arguments)
+    def decorate(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
+        @functools.wraps(function)
+        def sized(*positional: P.args, **arguments: P.kwargs) -> Recipe:
+            if arguments.get("size") is None:
+                data = arguments.get("data")
+                arguments["size"] = choose(data if data is None else Path(str(data)), arguments)
+            return function(*positional, **arguments)
 
-    return sized
+        return sized
+
+    return decorate
+
+
+shapes_sized_by_data = _sized(_size_of_shapes)
+images_sized_by_data = _sized(lambda data, arguments: size_for_images(data))

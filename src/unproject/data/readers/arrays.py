@@ -31,12 +31,14 @@ from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .how import How
 from .images import as_images
-from .latents import latents_of
+from .latents import known_latents, latents_of
 from .lines import LINES, SINOGRAMS, count_of_angles, lines_of
 from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
+BESIDE = ("names", "skipped", "reasons", "side")
+"""What may stand beside them, besides known views."""
 
 
 def read_arrays(path: Path, how: How) -> Found:
@@ -48,7 +50,7 @@ def read_arrays(path: Path, how: How) -> Found:
         UserError: naming the file, the key and what to fix.
     """
     arrays = load_arrays(path)
-    key = _data_key(path, arrays)
+    key = _data_key(path, shapes_of(arrays))
     measured = key in (*LINES, *SINOGRAMS)
     stored = arrays[key]
     values = checked_values(stored, f"{path}: {key}", of_pictures=not measured)
@@ -64,6 +66,22 @@ def read_arrays(path: Path, how: How) -> Found:
     if how.images:
         return found._replace(items=as_images(_of_eight_bits(pictures), how.size, how.colour), white=EIGHT_BITS)
     return _silhouettes(path, found, pictures, how)
+
+
+def unread_arrays(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the arrays of an .npz that `read_arrays` leaves, by their keys; none of other files.
+
+    Examples:
+        >>> np.savez("scans.npz", lines=np.zeros((5, 8)), angle=np.zeros(5), dose=np.zeros((5, 2)))
+        >>> unread_arrays(Path("scans.npz"))
+        {'dose': (5, 2)}
+    """
+    if path.suffix.lower() != ".npz" or not path.is_file() or not zipfile.is_zipfile(path):
+        return {}
+    shapes = shapes_of(load_arrays(path))
+    key = _data_key(path, shapes)
+    used = {key, *BESIDE, *known_latents(shapes, key in (*LINES, *SINOGRAMS))}
+    return {name: shape for name, shape in shapes.items() if name not in used}
 
 
 def load_arrays(path: Path) -> Mapping[str, np.ndarray]:
@@ -114,15 +132,15 @@ def _up_to(count: int, stream: Any) -> bytearray:
     return values
 
 
-def _data_key(path: Path, arrays: Mapping[str, np.ndarray]) -> str:
+def _data_key(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> str:
     """The key of the pictures or volumes: one of the known names, else the only array of 3 or 4 axes."""
-    named = [key for key in (*VOLUMES, *PICTURES, *LINES, *SINOGRAMS) if key in arrays]
-    found = named or [key for key, shape in shapes_of(arrays).items() if len(shape) in (3, 4)]
+    named = [key for key in (*VOLUMES, *PICTURES, *LINES, *SINOGRAMS) if key in shapes]
+    found = named or [key for key, shape in shapes.items() if len(shape) in (3, 4)]
     if len(found) == 1:
         return found[0]
     known = ", ".join((VOLUMES[0], PICTURES[1], PICTURES[3]))
     raise UserError(
-        f"{path}: holds {', '.join(f'{k} {v}' for k, v in shapes_of(arrays).items()) or 'nothing'}, of which "
+        f"{path}: holds {', '.join(f'{k} {v}' for k, v in shapes.items()) or 'nothing'}, of which "
         f"{'several' if found else 'none'} could be the data; save one array (N, H, W) or (N, X, Y, Z) named {known}, "
         f"(N, D) named {LINES[1]} or (M, D, A) named {SINOGRAMS[1]}"
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,20 @@ LATENTS = {
     "angle": ("angle", "angles", "theta", "thetas"),
 }
 """Known views, and the names that an array of them may have."""
+
+
+def known_latents(arrays: Iterable[str], measured: bool) -> dict[str, str]:
+    """Return the spellings that are among some names, and the latent that each stands for.
+
+    Args:
+        measured: whether they stand beside lines; `angle` and its spellings are theirs.
+    """
+    there = set(arrays)
+    found = {}
+    for name, spellings in LATENTS.items():
+        spellings = spellings if measured or name != "angle" else spellings[:1]  # of pictures theta may be anything
+        found |= {spelling: name for spelling in spellings if spelling in there}
+    return found
 
 
 def latents_of(
@@ -34,17 +48,15 @@ def latents_of(
         UserError: if they are not as many, or no numbers.
     """
     found = {}
-    for name, spellings in LATENTS.items():
-        spellings = spellings if measured or name != "angle" else spellings[:1]  # of pictures theta may be anything
-        for spelling in (spelling for spelling in spellings if spelling in arrays):
-            if name in found:
-                raise UserError(f"{path}: has `{spelling}` beside another array of the same; leave one of them")
-            found[name] = value = arrays[spelling]
-            if value.shape != (count,) or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
-                exchanged = value.ndim == 1 and len(value) in shape and len(value) != count
-                hint = f"; {tuple(shape)} may have its axes in another order" if exchanged else ""
-                raise UserError(
-                    f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians (or "
-                    f"degrees) for each of {count}{hint}"
-                )
+    for spelling, name in known_latents(arrays, measured).items():
+        if name in found:
+            raise UserError(f"{path}: has `{spelling}` beside another array of the same; leave one of them")
+        found[name] = value = arrays[spelling]
+        if value.shape != (count,) or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
+            exchanged = value.ndim == 1 and len(value) in shape and len(value) != count
+            hint = f"; {tuple(shape)} may have its axes in another order" if exchanged else ""
+            raise UserError(
+                f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians (or "
+                f"degrees) for each of {count}{hint}"
+            )
     return in_radians(path, found) or None

@@ -48,6 +48,24 @@ def side_of(path: str | os.PathLike[str]) -> int | None:
         return None
 
 
+def detectors_of(path: str | os.PathLike[str]) -> int | None:
+    """Return how many detectors the lines or sinograms of an .npz have; None of all else, and of what is damaged.
+
+    Examples:
+        >>> import numpy as np
+        >>> np.savez("scans.npz", sinograms=np.zeros((7, 64, 12)))
+        >>> detectors_of("scans.npz")
+        64
+    """
+    try:
+        check_regular(Path(path))
+        shapes = StoredArrays(Path(path)).shapes
+        found = [shapes[key][-2 if key in SINOGRAMS else -1] for key in (*LINES, *SINOGRAMS) if key in shapes]
+        return int(found[0]) if len(found) == 1 else None
+    except Exception:  # whatever decoders raise at damaged headers, and at what is no .npz
+        return None
+
+
 def picture_count(path: str | os.PathLike[str]) -> int | None:
     """Return how many picture files a folder holds, or held that was packed; None of what is no folder of pictures.
 
