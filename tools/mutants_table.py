@@ -1711,6 +1711,13 @@ METRICS = (
         "data/test_inspection.py",
     ),
     mutant(
+        "generators: a disc that not every direction sees",
+        "networks/generators.py",
+        "<= (size / 2) ** 2",
+        "<= size**2 / 2.5",
+        "networks/test_generators.py",
+    ),
+    mutant(
         "pixel scores: the distance grows with the number of pixels",
         "metrics/image_scores.py",
         "return torch.cdist(x, y) / x.shape[1] ** 0.5",

@@ -13,6 +13,7 @@ from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.networks import Generator, ImageGenerator, LowRankGenerator, SmoothImageGenerator, VoxelGenerator
 from unproject.ops import visual_hull
+from unproject.projections import LineIntegral
 from unproject.testing import check_generator, run_laws
 
 SMALL: dict[str, Callable[[], Generator]] = {
@@ -23,6 +24,7 @@ SMALL: dict[str, Callable[[], Generator]] = {
     "image": lambda: ImageGenerator(16, 6, 16),
     "colour": lambda: ImageGenerator(8, 6, 16, outputs=3),
     "smooth image": lambda: SmoothImageGenerator(16, 6, 16),
+    "smooth image on a disc": lambda: SmoothImageGenerator(16, 6, 16, disc=True),
     "low-rank": lambda: LowRankGenerator(16, 6, 16, rank=3),
     "low-rank-mirror": lambda: LowRankGenerator(16, 6, 16, rank=3, mirror=True),
 }
@@ -405,3 +407,16 @@ def test_fog_is_as_opaque_at_every_size() -> None:
 @pytest.mark.parametrize("make", [VoxelGenerator, ImageGenerator])
 def test_few_channels_are_enough(make: type[Generator]) -> None:
     assert make(size=16, channels=3).sample(2).shape[0] == 2  # pyright: ignore[reportCallIssue]
+
+
+@pytest.mark.parametrize("size", [8, 16, 32])
+def test_on_a_disc_every_direction_sees_the_whole_image(size: int) -> None:
+    """Line integrals have the image's mass in any direction; without, up to a fifth of it lies in corners."""
+    on_disc, whole = (SmoothImageGenerator(size, 6, 16, bias=2.0, disc=disc) for disc in (True, False))
+    on_disc.load_state_dict(whole.state_dict())
+    x, y = on_disc.sample(2, seed=1), whole.sample(2, seed=1)
+    assert torch.equal(x[0, 0, size // 2], y[0, 0, size // 2]) and float(x[0, 0, 0, 0]) == 0 < float(y[0, 0, 0, 0])
+    angle = torch.linspace(0, math.pi, 13)
+    for image, same in ((x[:1], True), (y[:1], False)):
+        mass = LineIntegral()(image.expand(13, -1, -1, -1), angle=angle).sum((1, 2))
+        assert bool(torch.allclose(mass, mass[:1], rtol=0.02)) == same

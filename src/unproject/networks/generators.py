@@ -279,6 +279,8 @@ class SmoothImageGenerator(Generator):
 
     Args:
         size, code_size, channels, outputs, bias, truncation: as in `ImageGenerator`.
+        disc: images are 0 outside of the inscribed disc, which is all that line integrals in every direction see. Where
+            directions are unknown, specks in the corners would tell them, and hardly a line shows those.
 
     Examples:
         >>> import torch, unproject as up
@@ -289,6 +291,7 @@ class SmoothImageGenerator(Generator):
 
     domain = "images"
     replayable = True
+    seen: Tensor | None
 
     def __init__(
         self,
@@ -298,11 +301,25 @@ class SmoothImageGenerator(Generator):
         outputs: int = 1,
         bias: float = -2.0,
         truncation: float | None = None,
+        disc: bool = False,
     ) -> None:
         check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
         self.levels = SmoothUpsampling(code_size, channels, outputs, (size, size), upsampling_levels(size))
         nn.init.constant_(self.levels.last.bias, bias)  # pyright: ignore[reportArgumentType]
+        self.register_buffer("seen", inscribed_disc(size) if disc else None, persistent=False)
 
     def forward(self, code: Tensor) -> Tensor:
-        return torch.sigmoid(self.levels(code)).contiguous()
+        x = torch.sigmoid(self.levels(code)).contiguous()
+        return x if self.seen is None else x * self.seen
+
+
+def inscribed_disc(size: int) -> Tensor:
+    """Return (size, size) 1 where a pixel's centre lies within size / 2 of the middle, 0 elsewhere.
+
+    Examples:
+        >>> inscribed_disc(4).int().tolist()
+        [[0, 1, 1, 0], [1, 1, 1, 1], [1, 1, 1, 1], [0, 1, 1, 0]]
+    """
+    place = torch.arange(size) - (size - 1) / 2
+    return (place.square()[:, None] + place.square() <= (size / 2) ** 2).float()

@@ -33,7 +33,10 @@ REAL = (
 
 
 def near_direct(data_set: str, prefix: str) -> tuple[Claim, Claim]:
-    """Return the claims that known and predicted directions come near training on the images."""
+    """Return the claims that known and predicted directions come near training on the images.
+
+    Of unknown directions, images are found up to a turn, as the paper says: these are scored up to the turn of each.
+    """
     known, predicted = ("Known", "Predicted") if not prefix else (f"{prefix}, known", f"{prefix}, predicted")
     return (
         Claim(
@@ -44,10 +47,10 @@ def near_direct(data_set: str, prefix: str) -> tuple[Claim, Claim]:
             factor=0.8,
         ),
         Claim(
-            f"{predicted} directions: at most twice the distance of training on images",
+            f"{predicted} directions, up to the turn of each image: at most twice the distance of training on images",
             f"{data_set}-predicted",
             f"{data_set}-direct",
-            ("frechet",),
+            ("frechet_turned",),
             factor=0.5,
         ),
     )
@@ -65,13 +68,14 @@ DIGITS = Figure(
         *near_direct("mnist", "MNIST"),
         ahead_of_paper("digits-known", "digits-paper", ("frechet",)),
         Claim(
-            "Predicted directions: nearer than the paper's own recipe in the same budget",
+            "Predicted directions, up to the turn of each image: nearer than the paper's own recipe in the same budget",
             "digits-predicted",
             "digits-predicted-paper",
-            ("frechet",),
+            ("frechet_turned",),
             beyond_paper=True,
         ),
     ),
+    extra_scores={"precision_turned": "more", "recall_turned": "more", "view_of_ceiling_mirrored": "more"},
     caption="64 images each.",
     deviations=(
         "Embedded digits are 8² ones, enlarged; with `--data`, MNIST too.",
@@ -81,8 +85,7 @@ DIGITS = Figure(
         "Arms have the same minutes in the cpu budget: a step on lines takes a third of the time of a step on images, "
         "so arms on lines have three times as many steps.",
         "Predicted directions of the modern recipe are 20 over a whole turn, not 10 over half of one, since an image "
-        "may come out turned so far that its lines are read from the other end; in runs until "
-        "23 November 2026 they start from initial directions, those of Gaussian images fitted to the lines.",
+        "may come out turned so far that its lines are read from the other end.",
         "In the cpu budget networks of the paper's recipe are smaller, equally in both its arms: full ones take days "
         "there.",
     ),
