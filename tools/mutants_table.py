@@ -1711,6 +1711,20 @@ METRICS = (
         "data/test_inspection.py",
     ),
     mutant(
+        "fit: lines of another unit are taken without a word",
+        "training/fitted_pictures.py",
+        "if not FAINT < largest < BRIGHT:",
+        "if not FAINT < largest:",
+        "cli/test_fit.py",
+    ),
+    mutant(
+        "digits: what hardly a line sees may tell its direction",
+        "recipes/digits.py",
+        'else {"disc": True}',
+        'else {"disc": False}',
+        "recipes/test_digits.py",
+    ),
+    mutant(
         "generators: a disc that not every direction sees",
         "networks/generators.py",
         "<= (size / 2) ** 2",

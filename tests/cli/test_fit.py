@@ -274,7 +274,12 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     learned = torch.cat([collection.floats() for panel in panels for collection in panel.collections])
     for found in compared:
         torch.testing.assert_close(found.sort(0).values, learned.sort(0).values)
-    assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()
+    with pytest.warns(UserWarning, match="readings reach 49.9, divided by 1, where 1 is the most"):
+        assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()
+    with pytest.warns(UserWarning, match="or what to divide by as --scale"):
+        observed(opened, [scan], viewing, 1e5)
+    assert fit(run, scan, "--out", tmp_path / "fits", "--no-novelty", "--candidates", "4", "--steps", "1") == 0
+    assert entries(tmp_path / "fits")[0]["unit"] == pytest.approx(unit / 16)
     for wrong in ("0", "-1", "nan", "inf"):
         assert fit(run, scan, "--out", tmp_path / "fits", "--scale", wrong) == 2
 

@@ -189,6 +189,12 @@ def test_anchors_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         digits(views="predicted", anchors=tmp_path / "none.npz", steps=1)
 
 
+@pytest.mark.parametrize("views, disc", [("known", False), ("direct", False), ("predicted", True), ("learned", True)])
+def test_images_of_unknown_directions_are_where_all_lines_see_them(views: Views, disc: bool) -> None:
+    x = digits(views=views, size=16, bins=4, steps=1).generator().sample(4)
+    assert bool((x[..., 0, 0] == 0).all() and (x[..., 1, 1] == 0).all()) == disc and bool((x[..., 8, :] > 0).all())
+
+
 def test_unknown_directions_are_predicted_all_along_by_one_who_knows_the_symmetry() -> None:
     recipe = digits(views="predicted", size=16, bins=3, tries=2, information=0.2, steps=1)
     assignment = only_panel(recipe).assignment

@@ -20,7 +20,7 @@ from .._types import UserError, printable
 from ..data.readers.arrays import load_arrays
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..training.description import describe
-from ..training.fitted_pictures import doubts, object_of, view_of
+from ..training.fitted_pictures import doubts, object_of, unit_of, view_of
 from ..training.seen import as_seen
 
 if TYPE_CHECKING:
@@ -131,8 +131,10 @@ def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
     weights = [round(weight, 4) for weight in fit.weight.tolist()]
     likely = None if p is None else round(p.min().item(), 4)
     verdict = {"explained": not why, "why": "; ".join(why), "p": likely}
+    unit = unit_of(job.fitter.viewing.projection)
     return {
         **verdict,
+        **({} if unit == 1 else {"unit": unit / found.shape[-1]}),
         "distance": round(fit.error, 4),
         "consistent": fit.consistent,
         "weights": weights,

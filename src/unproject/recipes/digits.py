@@ -52,7 +52,7 @@ def digits(
     rate: float = 1e-3,
     gamma: float | None = None,
     shift: float = 0.0,
-    information: float = 0.3,
+    information: float = 0.0,
     rounds: int = 40,
     balance: float = 0.8,
     tries: int = 3,
@@ -81,7 +81,8 @@ def digits(
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.02; 0.1 for direct training).
         shift: shift all that the discriminator sees by up to so many pixels; 2 for small collections.
-        information: weight of the preference for images whose directions can be predicted (`JointlyPredicted`).
+        information: weight of a preference for images whose directions can be predicted (`JointlyPredicted`), which has
+            not been found to help.
         rounds: how often directions are predicted anew, evenly over the budget.
         balance: how far the distribution of predicted directions is moved to the uniform one, 0 to 1, while lines hold
             no information of them; the more they hold, the less, down to a quarter of it.
@@ -98,7 +99,7 @@ def digits(
     mean, deviation = readings(panel)
     gamma = (0.1 if direct else 0.02) if gamma is None else gamma
     return Recipe(
-        generator=partial(SmoothImageGenerator, size=size, channels=channels),
+        generator=partial(SmoothImageGenerator, size=size, channels=channels, **whole_images(views)),
         discriminator=partial(Discriminator, channels=32, bottleneck=256)
         if direct
         else partial(LineDiscriminator, mean=mean, deviation=deviation),
@@ -246,6 +247,11 @@ def anchor_panel(anchors: Path, source: Source, views: Views, scan: Scan) -> Pan
         raise UserError(f"{anchors}: has lines of {found.shape[1]} detectors, not {source.line_integral.bins}")
     panel = panel_of("known", directions(scan.bins, spread_of(scan, source), source.line_integral), found)
     return replace(panel, penalty_scale=ANCHOR_PENALTY)
+
+
+def whole_images(views: Views) -> dict[str, bool]:
+    """Return the option of the generator that keeps images where lines of any direction see them, of unknown ones."""
+    return {} if views in ("known", "direct") else {"disc": True}
 
 
 def spread_of(scan: Scan, source: Source) -> float:

@@ -79,7 +79,11 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     if opened.domain.name == "image":
         center = read_recipe(opened.path)["arguments"].get("center")
         unit = unit_of(viewing.projection) if scale is None else scale
-        return standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), unit, center)
+        found = standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), unit, center)
+        largest = found.floats().max().item()
+        if not FAINT < largest < BRIGHT:
+            warnings.warn(f"{paths[0]}: {ANOTHER_UNIT.format(unit, largest)}", stacklevel=2)
+        return found
     if not viewing.projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
@@ -92,6 +96,15 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     if len(found.shape) != 3:
         raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
     return mapped(found, viewing.projection.prepare)
+
+
+BRIGHT, FAINT = 2.0, 0.01
+"""Largest reading, divided as those of training were, that a picture of ones has no more than half of, or that has less
+than a hundredth of such a picture's."""
+ANOTHER_UNIT = (
+    "readings reach {1:.3g}, divided by {0:g}, where 1 is the most that a picture can make: "
+    "give them in the unit of training, or what to divide by as --scale"
+)
 
 
 def unit_of(projection: Projection) -> float:
