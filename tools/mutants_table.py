@@ -1726,7 +1726,7 @@ METRICS = (
     ),
     mutant(
         "generators: a disc that not every direction sees",
-        "networks/generators.py",
+        "networks/blocks.py",
         "<= (size / 2) ** 2",
         "<= size**2 / 2.5",
         "networks/test_generators.py",

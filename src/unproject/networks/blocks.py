@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal, TypeAlias
 
 import torch
 import torch.nn.functional as F
@@ -10,6 +11,8 @@ from torch import Tensor, nn
 
 from .._types import UserError
 from ..ops.resampling import doubled
+
+Upsampling: TypeAlias = Literal["transposed", "nearest"]
 
 
 def upsampling_levels(size: int) -> int:
@@ -137,3 +140,28 @@ def grouped_linear(x: Tensor, weight: Tensor, bias: Tensor, head: Tensor) -> Ten
     padded = padded.view(len(used), -1, x.shape[-1])
     y = torch.baddbmm(bias[used][:, None], padded, weight[used].transpose(1, 2))
     return y.view(len(used) * largest, x.shape[1], -1)[place]
+
+
+def inscribed_disc(size: int) -> Tensor:
+    """Return (size, size) 1 where a pixel's centre lies within size / 2 of the middle, 0 elsewhere.
+
+    Examples:
+        >>> inscribed_disc(4).int().tolist()
+        [[0, 1, 1, 0], [1, 1, 1, 1], [1, 1, 1, 1], [0, 1, 1, 0]]
+    """
+    place = torch.arange(size) - (size - 1) / 2
+    return (place.square()[:, None] + place.square() <= (size / 2) ** 2).float()
+
+
+def volume_norm(channels: int, batch_statistics: bool) -> nn.BatchNorm3d:
+    """Return a batch norm of volumes, without running statistics if those of the batch count always."""
+    return nn.BatchNorm3d(channels, track_running_stats=not batch_statistics)
+
+
+def volume_doubling(before: int, after: int, upsampling: Upsampling) -> nn.Module:
+    """Return a layer from volumes of `before` channels to those of `after` that are twice as large a side."""
+    if upsampling == "transposed":
+        return nn.ConvTranspose3d(before, after, 4, 2, 1)
+    if upsampling == "nearest":
+        return nn.Sequential(nn.Upsample(scale_factor=2), nn.Conv3d(before, after, 3, padding=1))
+    raise UserError(f"upsampling={upsampling!r}: choose 'transposed' or 'nearest'")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from functools import partial
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor, nn
@@ -13,9 +13,15 @@ from torch import Tensor, nn
 from .._random import generator_at
 from .._types import UserError, check_widths
 from ..ops.hull import visual_hull
-from .blocks import SmoothUpsampling, upsampling_levels
+from .blocks import (
+    SmoothUpsampling,
+    Upsampling,
+    inscribed_disc,
+    upsampling_levels,
+    volume_doubling,
+    volume_norm,
+)
 
-Upsampling: TypeAlias = Literal["transposed", "nearest"]
 FINE_VOXELS = 64 * 64**3
 """Voxels of another size that are generated at once, at least one sample: as many as of 64 samples of 64³."""
 
@@ -194,27 +200,15 @@ class VoxelGenerator(Generator):
         widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
         self.mirror, self.width = mirror, channels
         self.start = nn.Linear(code_size, channels * 4**3)
-        layers: list[nn.Module] = [_norm(channels, batch_statistics), nn.ReLU()]
+        layers: list[nn.Module] = [volume_norm(channels, batch_statistics), nn.ReLU()]
         for before, after in zip(widths, widths[1:], strict=False):
-            layers += [_doubling(before, after, upsampling), _norm(after, batch_statistics), nn.ReLU()]
+            layers += [volume_doubling(before, after, upsampling), volume_norm(after, batch_statistics), nn.ReLU()]
         self.levels = nn.Sequential(*layers, nn.Conv3d(widths[-1], 1, 3, padding=1))
 
     def forward(self, code: Tensor) -> Tensor:
         x = self.start(code).view(len(code), self.width, 4, 4, 4)
         x = (torch.tanh(self.levels(x)[:, 0]) + 1) / 2
         return reflect_half(x) if self.mirror else x
-
-
-def _norm(channels: int, batch_statistics: bool) -> nn.BatchNorm3d:
-    return nn.BatchNorm3d(channels, track_running_stats=not batch_statistics)
-
-
-def _doubling(before: int, after: int, upsampling: Upsampling) -> nn.Module:
-    if upsampling == "transposed":
-        return nn.ConvTranspose3d(before, after, 4, 2, 1)
-    if upsampling == "nearest":
-        return nn.Sequential(nn.Upsample(scale_factor=2), nn.Conv3d(before, after, 3, padding=1))
-    raise UserError(f"upsampling={upsampling!r}: choose 'transposed' or 'nearest'")
 
 
 class ImageGenerator(Generator):
@@ -312,14 +306,3 @@ class SmoothImageGenerator(Generator):
     def forward(self, code: Tensor) -> Tensor:
         x = torch.sigmoid(self.levels(code)).contiguous()
         return x if self.seen is None else x * self.seen
-
-
-def inscribed_disc(size: int) -> Tensor:
-    """Return (size, size) 1 where a pixel's centre lies within size / 2 of the middle, 0 elsewhere.
-
-    Examples:
-        >>> inscribed_disc(4).int().tolist()
-        [[0, 1, 1, 0], [1, 1, 1, 1], [1, 1, 1, 1], [0, 1, 1, 0]]
-    """
-    place = torch.arange(size) - (size - 1) / 2
-    return (place.square()[:, None] + place.square() <= (size / 2) ** 2).float()
