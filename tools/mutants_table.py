@@ -1718,10 +1718,17 @@ METRICS = (
         "cli/test_fit.py",
     ),
     mutant(
+        "digits: lines of any length are shifted alike",
+        "recipes/digits.py",
+        "else panel.shape[-1] / SHIFTED",
+        "else 2.0",
+        "recipes/test_digits.py",
+    ),
+    mutant(
         "digits: what hardly a line sees may tell its direction",
         "recipes/digits.py",
-        'else {"disc": True}',
-        'else {"disc": False}',
+        '{"disc": True} if unknown',
+        '{"disc": False} if unknown',
         "recipes/test_digits.py",
     ),
     mutant(

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from unproject._types import UserError
+from unproject.adversarial.augmentation import Shift
 from unproject.assignment import JointlyPredicted, Known, LearnedPrior, Panel, Predicted, Unassigned
 from unproject.data import digits as embedded
 from unproject.data.readers.images import fitted
@@ -193,6 +194,14 @@ def test_anchors_that_do_not_fit_are_refused(tmp_path: Path) -> None:
 def test_images_of_unknown_directions_are_where_all_lines_see_them(views: Views, disc: bool) -> None:
     x = digits(views=views, size=16, bins=4, steps=1).generator().sample(4)
     assert bool((x[..., 0, 0] == 0).all() and (x[..., 1, 1] == 0).all()) == disc and bool((x[..., 8, :] > 0).all())
+
+
+def test_what_discriminators_see_is_shifted_by_a_sixteenth_of_its_width() -> None:
+    assert digits(size=16, steps=1).augmentation == Shift(1.0)
+    assert digits(size=32, views="direct", steps=1).augmentation == Shift(2.0)
+    assert digits(size=16, shift=0.5, views="predicted", steps=1).augmentation == Shift(0.5)
+    assert digits(size=16, views="predicted", steps=1).augmentation is None
+    assert digits(size=16, shift=0.0, steps=1).augmentation is None
 
 
 def test_unknown_directions_are_predicted_all_along_by_one_who_knows_the_symmetry() -> None:

@@ -33,6 +33,8 @@ DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
 ANCHOR_PENALTY = 10.0
 """Factor of the gradient penalty of anchors."""
+SHIFTED = 16
+"""Shifts go up to this part of the width: 2 of 32 pixels were better than 4."""
 
 
 @images_sized_by_data
@@ -51,7 +53,7 @@ def digits(
     channels: int = 128,
     rate: float = 1e-3,
     gamma: float | None = None,
-    shift: float = 0.0,
+    shift: float | None = None,
     information: float = 0.0,
     rounds: int = 40,
     balance: float = 0.8,
@@ -79,8 +81,10 @@ def digits(
         seed: of the weights, of every draw, and of the line integrals taken.
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
-        gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.02; 0.1 for direct training).
-        shift: shift all that the discriminator sees by up to so many pixels; 2 for small collections.
+        gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.1; 0.02 where directions are not
+            known).
+        shift: shift all that the discriminator sees by up to so many pixels (default: a sixteenth of its width; 0 where
+            directions are not known, which are then found less well).
         information: weight of a preference for images whose directions can be predicted (`JointlyPredicted`), which has
             not been found to help.
         rounds: how often directions are predicted anew, evenly over the budget.
@@ -97,9 +101,11 @@ def digits(
     panel = line_panel(source, views, scan, seed, predicted, whole=True)
     direct = views == "direct"
     mean, deviation = readings(panel)
-    gamma = (0.1 if direct else 0.02) if gamma is None else gamma
+    unknown = views not in ("known", "direct")
+    gamma = (0.02 if unknown else 0.1) if gamma is None else gamma
+    shift = (0.0 if unknown else panel.shape[-1] / SHIFTED) if shift is None else shift
     return Recipe(
-        generator=partial(SmoothImageGenerator, size=size, channels=channels, **whole_images(views)),
+        generator=partial(SmoothImageGenerator, size=size, channels=channels, **({"disc": True} if unknown else {})),
         discriminator=partial(Discriminator, channels=32, bottleneck=256)
         if direct
         else partial(LineDiscriminator, mean=mean, deviation=deviation),
@@ -247,11 +253,6 @@ def anchor_panel(anchors: Path, source: Source, views: Views, scan: Scan) -> Pan
         raise UserError(f"{anchors}: has lines of {found.shape[1]} detectors, not {source.line_integral.bins}")
     panel = panel_of("known", directions(scan.bins, spread_of(scan, source), source.line_integral), found)
     return replace(panel, penalty_scale=ANCHOR_PENALTY)
-
-
-def whole_images(views: Views) -> dict[str, bool]:
-    """Return the option of the generator that keeps images where lines of any direction see them, of unknown ones."""
-    return {} if views in ("known", "direct") else {"disc": True}
 
 
 def spread_of(scan: Scan, source: Source) -> float:
