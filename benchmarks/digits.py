@@ -19,6 +19,7 @@ OUT/results.jsonl, an arm that is there is left out; OUT/ARM-SEED.png has sixty 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,8 +67,11 @@ def run_arm(arm: str, seed: int, options: argparse.Namespace, training: Tensor, 
     true = true_views(states[0].panel) if views == "predicted" else None
     if true is not None:
         panel = states[0].panel
-        exact = accuracy_of(run.domain, panel, states[0].views, true).exact
-        scores |= {"views": exact, "views_of_ceiling": exact / ceiling(run, recipe, options.out, true)}
+        found_views = accuracy_of(run.domain, panel, states[0].views, true)
+        best = ceiling(run, recipe, options.out, true)
+        exact, mirrored = found_views.exact, found_views.exact_mirrored or 0.0
+        scores |= {"views": exact, "views_of_ceiling": exact / best["exact"]}
+        scores |= {"views_mirrored": mirrored, "views_mirrored_of_ceiling": mirrored / best["mirrored"]}
     return found | scores
 
 
@@ -84,25 +88,26 @@ def scored(
     return images, {name: score.value for name, score in scores.items()}
 
 
-def ceiling(run: up.Run, recipe: up.Recipe, out: Path, true: Tensor) -> float:
-    """Return the accuracy of a predictor that is trained on the true directions; computed once."""
-    kept = out / "ceiling.txt"
+def ceiling(run: up.Run, recipe: up.Recipe, out: Path, true: Tensor) -> dict[str, float]:
+    """Return the accuracies of a predictor that is trained on the true directions; computed once."""
+    kept = out / "ceiling.json"
     if not kept.exists():
-        kept.write_text(str(supervised_ceiling(run.domain, recipe.panels[0], true, 0).exact))
-    return float(kept.read_text())
+        best = supervised_ceiling(run.domain, recipe.panels[0], true, 0)
+        kept.write_text(json.dumps({"exact": best.exact, "mirrored": best.exact_mirrored}))
+    return json.loads(kept.read_text())
 
 
 def table(results: Sequence[dict[str, Any]]) -> str:
     """Return the results as a Markdown table; in brackets, how many times the direct arm's of the same seed."""
     direct = {r["seed"]: r for r in results if r["arm"] == "direct"}
     lines = [
-        "| arm | seed | steps | " + " | ".join(SHOWN) + " | views, of the ceiling |",
+        "| arm | seed | steps | " + " | ".join(SHOWN) + " | views, of the ceiling, also up to mirror images |",
         "|---" * (len(SHOWN) + 4) + "|",
     ]
     for r in sorted(results, key=lambda r: ((*ARMS, "training set").index(r["arm"]), r["seed"])):
         base = direct.get(r["seed"])
         cells = [f"{r[name]:.3g}" + (f" ({r[name] / base[name]:.2f}×)" if base else "") for name in SHOWN]
-        views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
+        views = ", ".join(f"{r[name]:.2f}" for name in ("views_of_ceiling", "views_mirrored_of_ceiling") if name in r)
         lines.append(f"| {r['arm']} | {r['seed']} | {r.get('steps', '')} | {' | '.join(cells)} | {views} |")
     return "\n".join(lines)
 
