@@ -1720,8 +1720,8 @@ METRICS = (
     mutant(
         "digits: lines of any length are shifted alike",
         "recipes/digits.py",
-        "else panel.shape[-1] / SHIFTED",
-        "else 2.0",
+        "(panel.shape[-1] / SHIFTED if shifted",
+        "(2.0 if shifted",
         "recipes/test_digits.py",
     ),
     mutant(

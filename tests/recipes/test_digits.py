@@ -196,12 +196,14 @@ def test_images_of_unknown_directions_are_where_all_lines_see_them(views: Views,
     assert bool((x[..., 0, 0] == 0).all() and (x[..., 1, 1] == 0).all()) == disc and bool((x[..., 8, :] > 0).all())
 
 
-def test_what_discriminators_see_is_shifted_by_a_sixteenth_of_its_width() -> None:
+def test_what_discriminators_see_is_shifted_by_a_sixteenth_of_its_width(monkeypatch: pytest.MonkeyPatch) -> None:
     assert digits(size=16, steps=1).augmentation == Shift(1.0)
     assert digits(size=32, views="direct", steps=1).augmentation == Shift(2.0)
     assert digits(size=16, shift=0.5, views="predicted", steps=1).augmentation == Shift(0.5)
     assert digits(size=16, views="predicted", steps=1).augmentation is None
     assert digits(size=16, shift=0.0, steps=1).augmentation is None
+    monkeypatch.setattr("unproject.recipes.digits.FEW", 1500)
+    assert digits(size=16, steps=1).augmentation is None and digits(size=16, views="direct", steps=1).augmentation
 
 
 def test_unknown_directions_are_predicted_all_along_by_one_who_knows_the_symmetry() -> None:

@@ -33,6 +33,8 @@ DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
 ANCHOR_PENALTY = 10.0
 """Factor of the gradient penalty of anchors."""
+FEW = 20_000
+"""Lines of known direction that are shifted: 1,500 and 8,000 gave nearer images so, 60,000 farther ones."""
 SHIFTED = 16
 """Shifts go up to this part of the width: 2 of 32 pixels were better than 4."""
 
@@ -83,8 +85,8 @@ def digits(
         rate: learning rate at the start; it falls to a tenth along a cosine.
         gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.1; 0.02 where directions are not
             known).
-        shift: shift all that the discriminator sees by up to so many pixels (default: a sixteenth of its width; 0 where
-            directions are not known, which are then found less well).
+        shift: shift all that the discriminator sees by up to so many pixels (default: a sixteenth of the width of
+            images, and of fewer than 20,000 lines of known direction; else 0).
         information: weight of a preference for images whose directions can be predicted (`JointlyPredicted`), which has
             not been found to help.
         rounds: how often directions are predicted anew, evenly over the budget.
@@ -103,7 +105,8 @@ def digits(
     mean, deviation = readings(panel)
     unknown = views not in ("known", "direct")
     gamma = (0.02 if unknown else 0.1) if gamma is None else gamma
-    shift = (0.0 if unknown else panel.shape[-1] / SHIFTED) if shift is None else shift
+    shifted = direct or (views == "known" and len(panel) < FEW)
+    shift = (panel.shape[-1] / SHIFTED if shifted else 0.0) if shift is None else shift
     return Recipe(
         generator=partial(SmoothImageGenerator, size=size, channels=channels, **({"disc": True} if unknown else {})),
         discriminator=partial(Discriminator, channels=32, bottleneck=256)
