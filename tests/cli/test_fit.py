@@ -274,7 +274,7 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     learned = torch.cat([collection.floats() for panel in panels for collection in panel.collections])
     for found in compared:
         torch.testing.assert_close(found.sort(0).values, learned.sort(0).values)
-    with pytest.warns(UserWarning, match="readings reach 49.9, divided by 1, where 1 is the most"):
+    with pytest.warns(UserWarning, match="readings reach 49.9, divided by 1, where a row of ones"):
         assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()
     with pytest.warns(UserWarning, match="or what to divide by as --scale"):
         observed(opened, [scan], viewing, 1e5)

@@ -1,6 +1,7 @@
 """Images from line integrals: the recipe of the paper's Part III, and a modern one.
 
-The arms of every comparison differ by `views` alone; `pairing` has the table.
+The arms of a comparison differ by `views`, and by defaults that follow it: what keeps known directions and images from
+smears loses unknown ones. `pairing` has the table.
 """
 
 from __future__ import annotations

@@ -99,10 +99,10 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
 
 
 BRIGHT, FAINT = 2.0, 0.01
-"""Largest reading, divided as those of training were, that a picture of ones has no more than half of, or that has less
-than a hundredth of such a picture's."""
+"""The largest reading, divided as those of training were, from which on it is no picture's, as one of ones reaches √2
+along its diagonal; and the largest reading of nearly empty pictures."""
 ANOTHER_UNIT = (
-    "readings reach {1:.3g}, divided by {0:g}, where 1 is the most that a picture can make: "
+    "readings reach {1:.3g}, divided by {0:g}, where a row of ones in a picture makes 1: "
     "give them in the unit of training, or what to divide by as --scale"
 )
 
