@@ -4186,7 +4186,7 @@ PHOTOGRAPHED = (
     mutant(
         "inspect: materials are read as silhouettes unless told",
         "cli/data.py",
-        'return "wood" if framing is None and holds_materials(path) else "shapes"',
+        'return "materials" if framing is None and holds_materials(path) else "shapes"',
         'return "shapes"',
         "data/test_material_inspection.py::test_paths_that_clearly_hold_materials_need_no_recipe",
     ),

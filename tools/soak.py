@@ -34,7 +34,7 @@ RECIPES = {
     "shapes-paper": f"{NARROW} --predictor-steps 60 --predictor-images 512",
     "digits": IMAGES,
     "digits-paper": NARROW,
-    **{name: MATERIALS for name in ("wood", "metal", "plastic", "fabric", "correlated")},
+    **{name: MATERIALS for name in ("materials", "wood", "metal", "plastic", "fabric", "correlated")},
     **{f"{name}-paper": MATERIALS for name in ("wood", "metal", "plastic")},
 }
 TOLERATED = 0.05

@@ -217,3 +217,20 @@ def test_the_format_is_the_domains_own_unless_it_is_said(tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert main(["export", str(tmp_path / "empty"), "--out", str(tmp_path / "c")]) == 2
     assert "not a run directory" in capsys.readouterr().err
+
+
+def test_formats_are_known_by_their_other_names(samples, tmp_path, capsys):
+    np.savez(tmp_path / "a.npz", **Maps().arrays(wood(1, 16)))
+    maps = str(tmp_path / "a.npz")
+    for to, written in (("glb", "*.glb"), ("materialx", "material.mtlx")):
+        assert main(["export", maps, "--to", to, "--out", str(tmp_path / to)]) == 0
+        assert list((tmp_path / to).rglob(written))
+    assert main(["export", str(tmp_path / "materialx"), "--to", "glb", "--out", str(tmp_path / "again.glb")]) == 0
+    assert main(["export", str(samples), "--to", "gltf", "--n", "1", "--out", str(tmp_path / "shape.glb")]) == 0
+    for source, name, wanted in (
+        (maps, "a.gltf", "--to gltf writes no such file; give a name that ends in .glb"),
+        (maps, "a.mtlx", "--to mtlx writes no such file; give the name of a folder"),
+        (str(samples), "a.gltf", "--to glb writes no such file; give a name that ends in .glb"),
+    ):
+        assert main(["export", source, "--out", str(tmp_path / name)]) == 2
+        assert wanted in capsys.readouterr().err

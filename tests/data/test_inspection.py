@@ -146,7 +146,7 @@ def test_textures_are_not_packed_as_silhouettes_unless_asked(
         (tmp_path / "oak").mkdir(exist_ok=True)
         Image.fromarray(pixels).save(tmp_path / "oak" / f"oak_1K-PNG_{name}.png")
     assert main(["data", "pack", str(tmp_path / "oak")]) == 2
-    assert "materials are read from their folder, as `train wood --data` does" in capsys.readouterr().err
+    assert "materials are read from their folder, as `train materials --data` does" in capsys.readouterr().err
     assert not (tmp_path / "oak.npz").exists()
     assert main(["data", "pack", str(tmp_path / "oak"), "--for", "shapes"]) == 0
 

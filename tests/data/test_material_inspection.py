@@ -127,6 +127,17 @@ def test_the_patches_are_those_of_training(tmp_path: Path) -> None:
     assert found.materials.names == ("ash", "oak")
 
 
+def test_stray_pictures_and_enlarged_materials_are_said(tmp_path: Path, capsys) -> None:
+    folder = textures(tmp_path)
+    for name in ("oak/IMG_2041.png", "notes.jpg"):
+        Image.new("RGB", (20, 20)).save(folder / name)
+    found = inspect_materials(folder, 128)
+    assert sorted(row[0] for row in found.skipped) == ["elm", "notes.jpg", "oak/IMG_2041.png"]
+    assert ("oak", "256 x 256", "material", "used") in found.rows
+    assert "2 of them are smaller and were enlarged: ash, oak" in found.notes
+    assert not any("enlarged" in note for note in inspect_materials(folder, 64).notes)
+
+
 # ---------------------------------------------------------------------------------------------- what a path is for
 
 
@@ -134,9 +145,9 @@ def test_paths_that_clearly_hold_materials_need_no_recipe(tmp_path: Path, capsys
     for folder in (photographs(tmp_path / "a"), textures(tmp_path / "b"), archive(tmp_path / "c.npz")):
         assert holds_materials(folder)
         assert main(["data", "inspect", str(folder), "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["for"] == "wood"
+        assert json.loads(capsys.readouterr().out)["for"] == "materials"
     run("inspect", tmp_path / "b")
-    assert "read as materials, for wood, metal, plastic or fabric; --for shapes" in capsys.readouterr().out
+    assert "read as materials, which the recipe materials learns; --for shapes" in capsys.readouterr().out
     with pytest.raises(UserError, match="none of the 10 pictures can be used"):
         run("inspect", tmp_path / "a", for_="shapes")
 
@@ -176,11 +187,11 @@ def test_photographs_taken_for_silhouettes_are_told_of_materials(tmp_path: Path,
     for name in ("b.jpg", "c.jpg"):  # nothing stands out of them, as of most surfaces
         Image.fromarray(np.full((60, 60, 3), 120, np.uint8)).save(tmp_path / name)
     run("inspect", tmp_path)
-    assert "read as silhouettes of objects; --for wood" in capsys.readouterr().out
+    assert "read as silhouettes of objects; --for materials" in capsys.readouterr().out
     run("inspect", tmp_path, for_="shapes")
     assert "read as silhouettes of objects" not in capsys.readouterr().out
     (tmp_path / "a.jpg").unlink()
-    with pytest.raises(UserError, match="none of the 2 pictures can be used .* surfaces are read with --for wood"):
+    with pytest.raises(UserError, match="none of the 2 pictures can be used .* surfaces are read with --for materials"):
         run("inspect", tmp_path)
 
 

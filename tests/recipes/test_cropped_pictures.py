@@ -142,5 +142,5 @@ def test_a_folder_that_is_named_as_materials_are_is_warned_of(masks: Path) -> No
         shapes(data=masks, **SMALL)
     for number, name in enumerate(("Color", "Roughness", "NormalGL")):
         sorted(masks.glob("*.png"))[number].rename(masks / f"Wood_{name}.png")
-    with pytest.warns(UserWarning, match="is named as materials are.*data inspect.*train wood"):
+    with pytest.warns(UserWarning, match="is named as materials are.*data inspect.*train materials"):
         shapes(data=masks, **SMALL)

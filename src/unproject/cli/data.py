@@ -38,8 +38,8 @@ def run(
             network (the variable UNPROJECT_MIRROR names another address to take its files from).
         path: A folder of pictures, an .npz, .npy or idx file, a 3-D collection, or materials; to get one, its name:
             mnist.
-        for_: The recipe that is to learn from it: shapes, digits, wood, ..., or one of your own, which is taken to
-            learn shapes (default: wood for a path that clearly holds materials, which `inspect` says, else shapes).
+        for_: The recipe that is to learn from it: shapes, digits, materials, ..., or one of your own, which is taken to
+            learn shapes (default: materials for a path that clearly holds such, which `inspect` says, else shapes).
         out: Write a contact sheet to this PNG file; or the pack to write (default: PATH.npz); or the folder to get a
             collection into (default: the name of the collection).
         size: Side of the pictures in pixels (default: the recipe's; of packed silhouettes twice that, since cropped
@@ -65,7 +65,7 @@ def run(
     print(json_format.dumps({**found.as_dict(), "for": recipe}) if json else found.table())
     if not found.collections:
         name, _, _, reason = found.rows[0]
-        surfaces = "; photographs of surfaces are read with --for wood" if recipe == "shapes" else ""
+        surfaces = "; photographs of surfaces are read with --for materials" if recipe == "shapes" else ""
         why = f"none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one{surfaces}"
         raise UserError(f"{path}: {why}")
     if for_ is None and not json:
@@ -82,15 +82,15 @@ def _recipe_for(path: Path, framing: Framing | None) -> str:
     """Return the recipe that a path is for: framing makes sense of silhouettes only."""
     from ..data import holds_materials
 
-    return "wood" if framing is None and holds_materials(path) else "shapes"
+    return "materials" if framing is None and holds_materials(path) else "shapes"
 
 
 def _say_what_for(found: Inspection, recipe: str) -> None:
     """Say which recipe was chosen, if another one may be meant."""
-    if recipe == "wood":
-        print("  read as materials, for wood, metal, plastic or fabric; --for shapes reads silhouettes")
+    if recipe == "materials":
+        print("  read as materials, which the recipe materials learns; --for shapes reads silhouettes")
     elif 2 * sum("photograph" in row[2] for row in found.rows) > sum(row[3] == "used" for row in found.rows):
-        print("  read as silhouettes of objects; --for wood, metal, plastic or fabric reads photographs of surfaces")
+        print("  read as silhouettes of objects; --for materials reads photographs of surfaces")
 
 
 def _say_how_to_train(path: Path, found: Inspection) -> None:
@@ -126,7 +126,7 @@ def _say_if_few(found: Inspection) -> None:
         print(f"  {count} pictures are few: a hundred at least are advised")
 
 
-MATERIALS = ("wood", "metal", "plastic", "fabric", "correlated")
+MATERIALS = ("materials", "wood", "metal", "plastic", "fabric", "correlated")
 
 
 def _framing(path: Path, mode: str | None, threshold: float | None, polarity: str | None) -> Framing | None:

@@ -66,7 +66,7 @@ def run(
     from ..training.run_directory import naming
 
     found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)
-    to = to or _format_of(out, found.domain)
+    to = _format_of(out, found.domain) if to is None else _meant(to, found.domain)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
     if "depth" in options and fresnel is not None:
         options["fresnel"] = fresnel
@@ -98,8 +98,9 @@ def _found(
     from ..training import load
 
     arrays_given = source.suffix.lower() == ".npz"
-    textures = to in export.MATERIAL_FORMATS or (to is None and holds_materials(source))
-    textures = textures and not arrays_given
+    of_maps = to in export.MATERIAL_FORMATS
+    may_be = to is None or ALSO.get(to) in export.MATERIAL_FORMATS
+    textures = not arrays_given and (of_maps or (may_be and holds_materials(source)))
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)
@@ -136,8 +137,22 @@ def _chosen(found: Found, only: tuple[int, ...]) -> Found:
 
 def _format_of(out: Path, domain: Domain) -> str:
     """Return the format that the name of a file asks for, or that in which samples are written by default."""
+    if out.is_dir() or not out.suffix:
+        return domain.written
+    suffix = out.suffix[1:].lower()
     of_suffix = {WRITTEN.get(name, name): name for name in reversed(list(domain.exporters))}
-    return domain.written if out.is_dir() or not out.suffix else of_suffix.get(out.suffix[1:].lower(), domain.written)
+    meant = of_suffix.get(suffix, _meant(suffix, domain))
+    return meant if meant in domain.exporters else domain.written
+
+
+def _meant(to: str, domain: Domain) -> str:
+    """Return a format by the name that it has for this domain: glTF is glb of shapes and gltf of materials."""
+    other = ALSO.get(to)
+    return other if to not in domain.exporters and other in domain.exporters else to
+
+
+ALSO = {"glb": "gltf", "gltf": "glb", "materialx": "mtlx"}
+"""Other names of formats."""
 
 
 def _options(

@@ -10,14 +10,16 @@ from .._types import UserError
 from ..ops.maps import MAPS
 from .collection import Collection
 from .inspection import Inspection, Row
+from .readers.exported import exported_note
 from .readers.found import check_size
-from .readers.lights import KINDS, SUFFIXES, UNREAD, photographed, picture_files, refuse_unsorted, showing, unsorted
+from .readers.lights import KINDS, NAMED, SUFFIXES, UNREAD, photographed, picture_files, refuse_unsorted, showing, unsorted
 from .readers.patches import material_patches, side_to_cut_from
 from .readers.shapes import SUFFIXES as SHAPES
 from .readers.sides import size_of_picture
 from .readers.stored import StoredArrays
 from .readers.texture_maps import Convention
 from .readers.texture_names import find_textures, picture_names, sets_in
+from .readers.textures import material_folders, pictures_of_no_map
 
 PATCHES = 64
 FEWER_ABOVE = 512
@@ -41,19 +43,40 @@ def inspect_materials(path: Path | str, size: int, *, strict: bool = False) -> I
         found = {name: Collection.photographs(path, name, size, strict=strict) for name in names}
         return _of_photographs(path, found, size)
     refuse_unsorted(path)
+    return _of_textures(path, size, strict)
+
+
+def _of_textures(path: Path, size: int, strict: bool) -> Inspection:
     side = None if path.suffix.lower() == ".npz" else side_to_cut_from(size)
     whole = Collection.materials(path, side, convention=Convention(fresnel="albedo"), strict=strict)
     count = max(1, min(PATCHES, PATCHES * FEWER_ABOVE**2 // size**2))
     cut = whole if whole.shape[-2:] == (size, size) else Collection(material_patches(whole.items, count, size))
     texels = pixels((whole.shape[-1], whole.shape[-2]))
     rows: list[Row] = [(name, "", "", reason) for name, reason in whole.skipped]
-    rows += [(name, texels, "material", "used") for name in whole.names]
     notes = [f"materials: {len(whole)} of {texels} texels: diffuse, specular, roughness and normal maps"]
+    sizes: dict[str, str] = {}
+    if side is not None:
+        places = material_folders(path)
+        stray = pictures_of_no_map(path, places)
+        rows += [(file.relative_to(path).as_posix(), "", "", "its name is no map's") for file in stray]
+        stored = {name: _stored_size(*places[name]) for name in whole.names}
+        sizes = {name: pixels(size) for name, size in stored.items() if size is not None}
+        small = [name for name, size in stored.items() if size is not None and min(size) < side]
+        if small:
+            notes.append(f"{len(small)} of them are smaller and were enlarged: {', '.join(small[:NAMED])}")
+    rows += [(name, sizes.get(name, texels), "material", "used") for name in whole.names]
     if cut is not whole:
         shape = " x ".join(map(str, cut.shape))
         notes.append(f"patches: {len(cut)} of {shape}, cut out of them at any place and angle, as in training")
     kind = "materials" if cut is whole else "patches"
     return Inspection(str(path), {kind: cut}, tuple(rows), tuple(notes), whole)
+
+
+def _stored_size(folder: Path, files: Sequence[Path] | None) -> tuple[int, int] | None:
+    """Return the size of a material's colour map; None of what `unproject export` wrote, whose note says its files."""
+    if exported_note(folder) is not None:
+        return None
+    return size_of_picture(find_textures(folder, of=files).files["colour"])
 
 
 def _of_photographs(path: Path, found: Mapping[str, Collection], size: int) -> Inspection:

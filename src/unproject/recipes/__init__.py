@@ -16,6 +16,10 @@ _HOME = {
     "shapes": ("unproject.recipes.shapes:shapes", "shapes from silhouettes, for a laptop"),
     "shapes-paper": ("unproject.recipes.shapes:shapes_paper", "shapes from silhouettes, the paper's choices"),
     "digits": ("unproject.recipes.digits:digits", "images from line integrals, for a laptop"),
+    "materials": (
+        "unproject.recipes.materials:surface_materials",
+        "materials of any kind from maps and photographs, for a laptop; without --data of wood",
+    ),
     "wood": ("unproject.recipes.materials:wood_materials", "wood from maps and photographs, for a laptop"),
     "metal": ("unproject.recipes.materials:metal_materials", "metal from maps and photographs, for a laptop"),
     "plastic": ("unproject.recipes.materials:plastic_materials", "plastic from maps and photographs, for a laptop"),
@@ -39,6 +43,7 @@ def names() -> dict[str, str]:
 def find(name: str) -> Callable[..., Recipe]:
     """Return the function of a built-in recipe. Raises UserError for an unknown name."""
     if name not in _HOME:
-        raise UserError(f"there is no recipe {name!r}{nearest(name, _HOME)}; `unproject recipes` lists them")
+        meant = nearest(name, _HOME) or "; shapes, digits and materials learn from data of any kind"
+        raise UserError(f"there is no recipe {name!r}{meant}; `unproject recipes` lists them")
     module, _, function = _HOME[name][0].partition(":")
     return getattr(import_module(module), function)

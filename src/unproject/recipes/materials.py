@@ -239,6 +239,7 @@ PROCEDURAL: dict[str, Materials] = {
     "correlated": correlated,
 }
 
+surface_materials = _of(materials, wood, "surface_materials")
 wood_materials = _of(materials, wood, "wood_materials")
 metal_materials = _of(materials, metal, "metal_materials")
 plastic_materials = _of(materials, plastic, "plastic_materials")

@@ -97,7 +97,7 @@ def pictures_of(
     if data is not None and by_reader and holds_materials(data):
         warnings.warn(
             f"{data}: is named as materials are; shapes take each picture for a silhouette. See unproject data inspect "
-            f"{data}, and train wood, metal or plastic",
+            f"{data}, and train materials",
             stacklevel=2,
         )
     if not by_reader and common_fill(some) is None:

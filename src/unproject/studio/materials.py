@@ -49,7 +49,7 @@ def maps_at(state: State, request: Request) -> tuple[Tensor, Maps, int]:
     key = ("maps", state.version(space.run), *(request.query.get(name) for name in PLACE))
     x = state.kept(key, lambda: at_place(space, request), 16)
     if not isinstance(domain, Maps) or not is_material(domain, x):
-        raise UserError(f"{request.text('run')}: makes no materials; choose a run of wood, metal, plastic or fabric")
+        raise UserError(f"{request.text('run')}: makes no materials; choose a run of materials")
     return x[0], domain, space.run.step
 
 

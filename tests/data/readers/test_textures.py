@@ -15,7 +15,7 @@ from unproject._pictures import write_picture
 from unproject._types import UserError
 from unproject.data import Collection, holds_materials, read_material, wood
 from unproject.data.readers.texture_maps import normals_from_height
-from unproject.data.readers.texture_names import role_of, sets_in, words_of
+from unproject.data.readers.texture_names import holds_material, role_of, sets_in, words_of
 from unproject.domains import Maps
 from unproject.ops.exposure import linear_from_srgb
 from unproject.ops.maps import luminance, unpack_maps
@@ -83,6 +83,8 @@ def maps_of(folder: Path, **options: Any) -> dict[str, Tensor]:
         ("Crate_MetallicRoughness", "packed"),
         ("metallic_paint_roughness", "roughness"),
         ("MetalSheet_AO", "unused"),
+        ("T_Planks_BC", "colour"),
+        ("T_Planks_D", None),
         ("Wood027", None),
         ("IMG_2041", None),
     ],
@@ -94,6 +96,17 @@ def test_the_words_of_a_name_say_which_map_it_is(name: str, role: str | None) ->
 def test_words_are_split_at_signs_digits_and_capitals() -> None:
     assert words_of("Wood027_1K_NormalGL") == ["wood", "027", "1", "k", "normal", "gl"]
     assert words_of("old wood-nor.gl_4k") == ["old", "wood", "nor", "gl", "4", "k"]
+
+
+def test_a_letter_at_the_end_is_a_map_if_all_pictures_name_one(tmp_path: Path) -> None:
+    for name in ("T_Planks_D", "T_Planks_N_2K", "T_Planks_R", "T_Planks_Preview"):
+        paint(tmp_path / "a" / f"{name}.png", FLAT if "_N" in name else GREY)
+    assert maps_of(tmp_path / "a")["normal"].shape == (3, SIZE, SIZE)
+    paint(tmp_path / "a" / "T_Planks_X.png", GREY)
+    assert not holds_material(tmp_path / "a"), "chair_d.png beside chair_x.png is a chair"
+    for name in ("oak_d", "oak_r", "ash_d", "ash_r"):
+        paint(tmp_path / "b" / f"{name}.png", GREY)
+    assert {*sets_in(tmp_path / "b")} == {"oak", "ash"}
 
 
 def test_a_preview_named_as_the_material_is_no_metallic_map(tmp_path: Path) -> None:
@@ -304,6 +317,16 @@ def test_a_height_that_rises_up_the_picture_leans_down_it() -> None:
 # ----------------------------------------------------------------------------------------------------------------- size
 
 
+def test_maps_of_other_sizes_are_brought_to_that_of_the_colour_map(tmp_path: Path) -> None:
+    large = np.full((2 * SIZE, 2 * SIZE), GREY, np.uint8)
+    large[::2] += 20
+    small = np.broadcast_to(np.array([(FLAT[0], FLAT[1], FLAT[2])], np.uint8), (SIZE // 2, SIZE // 2, 3))
+    maps = maps_of(material(tmp_path, roughness=large, normal=small), roughness="alpha")
+    assert maps["roughness"].shape[1:] == maps["normal"].shape[1:] == (SIZE, SIZE)
+    assert torch.allclose(maps["roughness"], torch.tensor((GREY + 10) / 255)), "of larger ones the area average"
+    assert maps["normal"][2].min() > 0.99
+
+
 def test_averages_are_taken_of_linear_values(tmp_path: Path) -> None:
     board = np.indices((SIZE, SIZE)).sum(0) % 2 * np.uint8(255)
     maps = maps_of(material(tmp_path, color=board.astype(np.uint8), roughness=board.astype(np.uint8)), size=4)
@@ -351,7 +374,7 @@ def noisy(seed: int = 0) -> np.ndarray:
         ({"normal": 128}, {}, r"normal\.png: is a grey picture"),
         ({"roughness": noisy()}, {}, r"roughness\.png: is coloured.*arm"),
         ({"roughness": None, "arm": 128}, {}, r"arm\.png: is a grey picture"),
-        ({"metallic": np.zeros((4, 4), np.uint8)}, {}, "metallic is 4 × 4 pixels but colour is 8 × 8"),
+        ({"metallic": np.zeros((4, 8), np.uint8)}, {}, "metallic is 8 × 4 pixels but colour is 8 × 8"),
         ({}, {"colour": "linear"}, r"color\.png: 8 bits hold sRGB values"),
         ({}, {"colour": "adobe"}, "colour is one of srgb, linear, not 'adobe'"),
         ({}, {"roughness": "m"}, "roughness is one of perceptual, alpha"),

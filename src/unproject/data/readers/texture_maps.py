@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -24,6 +24,7 @@ SLOPE = 0.25  # RMS slope given to a height map, whose unit no file says
 OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
 COLOURED = 0.05  # mean difference of channels above which a picture is no grey map
 INWARD, STEEPEST = 0.5, 0.02  # share of a normal map's texels that may point inward; the least z any gets
+ASPECT = 0.01  # how far the shapes of two maps may differ, by rounding
 SHORTEST, LONGEST = 0.3, 1.5  # median length of its vectors: averaging rough surfaces shortens them
 
 
@@ -64,15 +65,30 @@ def pictures_of(textures: Textures) -> dict[str, Picture]:
     return pictures
 
 
-def check_same_size(folder: Path, pictures: Mapping[str, Picture]) -> Mapping[str, Picture]:
-    shapes = {role: picture.pixels.shape[1::-1] for role, picture in pictures.items()}
-    for role, shape in shapes.items():
-        if shape != shapes["colour"]:
+def in_one_size(folder: Path, pictures: Mapping[str, Picture]) -> dict[str, Picture]:
+    """Return pictures of the size of the colour map: area averages of larger ones, bilinear where they grow.
+
+    Raises:
+        UserError: for one of another shape.
+    """
+    width, height = pictures["colour"].pixels.shape[1::-1]
+    for role, picture in pictures.items():
+        own = picture.pixels.shape[1::-1]
+        if abs(own[0] * height / (own[1] * width) - 1) > ASPECT:
             raise UserError(
-                f"{folder}: {role} is {shape[0]} × {shape[1]} pixels but colour is {shapes['colour'][0]} × "
-                f"{shapes['colour'][1]}; give all maps in one size"
+                f"{folder}: {role} is {own[0]} × {own[1]} pixels but colour is {width} × {height}; give all maps in "
+                "one shape"
             )
-    return pictures
+    return {role: _resampled(picture, height, width) for role, picture in pictures.items()}
+
+
+def _resampled(picture: Picture, height: int, width: int) -> Picture:
+    own = picture.pixels.shape[:2]
+    if own == (height, width):
+        return picture
+    pixels = torch.from_numpy(np.moveaxis(picture.pixels, 2, 0).copy())[None]
+    how: dict[str, Any] = {"mode": "bilinear", "align_corners": False} if own[0] < height else {"mode": "area"}
+    return picture._replace(pixels=F.interpolate(pixels, (height, width), **how)[0].movedim(0, 2).numpy())
 
 
 def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Convention) -> dict[str, Tensor]:

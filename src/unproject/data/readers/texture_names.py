@@ -3,7 +3,8 @@
 Words are separated by _ - . and spaces, by digits, or by a capital after a small letter, in any case:
 `Wood027_1K_NormalGL.jpg` says wood, 027, 1, k, normal, gl. The last word that names a map decides, so that
 `painted_metal_rough_1k.png` is a roughness map. The short words `metal` and `rough` also name materials: they count
-only after the words that all pictures of the folder begin with, which are its name.
+only after the words that all pictures of the folder begin with, which are its name. A letter at the end, as in
+`T_Planks_D.png`, stands for a map if every picture of the folder names one then.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ..._types import UserError
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp")
 WORDS = {
-    "colour": ("color", "colour", "albedo", "basecolor", "basecolour", "diffuse", "diff", "col"),
+    "colour": ("color", "colour", "albedo", "basecolor", "basecolour", "diffuse", "diff", "col", "bc"),
     "roughness": ("roughness", "rough"),
     "metallic": ("metallic", "metalness", "metal"),
     "glossiness": ("glossiness", "gloss", "smoothness"),
@@ -31,6 +32,18 @@ WORDS = {
     "unused": ("ao", "occlusion", "opacity", "mask", "emission", "emissive", "preview", "thumb"),
 }
 ROLE_OF = {word: role for role, words in WORDS.items() for word in words}
+LETTERS = {
+    "d": "diffuse",
+    "r": "roughness",
+    "m": "metallic",
+    "g": "glossiness",
+    "s": "specular",
+    "n": "normal",
+    "h": "height",
+    "e": "emissive",
+    "o": "occlusion",
+}
+"""A letter that ends a name, and the word that it stands for."""
 PACKED = ({"roughness", "metallic"}, {"roughness", "metalness"})  # side by side, as glTF packs them
 WITH_ALPHA = ("metallic", "specular")
 """Maps whose alpha may be the glossiness, as in MetallicSmoothness (Unity) and specularGlossiness (glTF)."""
@@ -64,6 +77,20 @@ def words_of(name: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
 
 
+def words_of_all(files: Sequence[Path]) -> list[list[str]]:
+    """The words of each name, letters spelt out if so every one names a map: `chair_d.png` alone says nothing."""
+    words = [words_of(file.stem) for file in files]
+    spelt = [_spelt(said) for said in words]
+    return spelt if all(map(role_of, spelt)) else words
+
+
+def _spelt(words: list[str]) -> list[str]:
+    """Words with the word that a letter at the end stands for, before a resolution such as 2K."""
+    end = len(words) - 2 * (words[-1:] == ["k"])
+    last = words[end - 1 : end]
+    return [*words[: end - 1], LETTERS.get(last[0], last[0]), *words[end:]] if last else words
+
+
 def picture_names(folder: Path) -> list[Path]:
     """The pictures that lie in a folder, sorted; hidden ones are none."""
     files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
@@ -82,8 +109,9 @@ def sets_in(folder: Path) -> dict[str, list[Path]]:
     roughness map. `stone_diff_1k.png`, `stone_rough_1k.png`, `moss_diff_1k.png` and `moss_rough_1k.png` are two.
     """
     groups: dict[tuple[str, ...], list[Path]] = {}
-    for file in picture_names(folder):
-        words = tuple(word for word in words_of(file.stem) if word not in MAP_WORDS)
+    pictures = picture_names(folder)
+    for file, said in zip(pictures, words_of_all(pictures)):
+        words = tuple(word for word in said if word not in MAP_WORDS)
         groups.setdefault(words, []).append(file)
     whole = {words: files for words, files in groups.items() if _is_whole(candidates(folder, files))}
     if len(whole) < 2:
@@ -100,7 +128,7 @@ def _is_whole(found: Mapping[str, list[Path]]) -> bool:
 def candidates(folder: Path, files: Sequence[Path] | None = None) -> dict[str, list[Path]]:
     """Role → the files that are named as it, of these or of all in a folder."""
     files = picture_names(folder) if files is None else files
-    words = [words_of(file.stem) for file in files]
+    words = words_of_all(files)
     shared = _shared_beginning(words) if len(files) > 1 else 0
     found: dict[str, list[Path]] = {}
     for file, said in zip(files, words):

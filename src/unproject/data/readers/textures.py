@@ -10,7 +10,8 @@ A texture set in the metallic-roughness convention (base colour b, metallic w, r
 
 A specular map that is coloured is itself in the place of 0.04. In the specular-glossiness convention (glossiness,
 neither roughness nor metallic) a grey one is, too. Glossiness may be the alpha of a metallic or specular map. Without a
-normal map, n comes from the height map if there is one, else the surface is flat.
+normal map, n comes from the height map if there is one, else the surface is flat. Maps of other sizes than the colour
+map are resampled to it.
 
 `texture_names.py` says which file is which map.
 """
@@ -34,8 +35,8 @@ from .arrays import load_arrays
 from .exported import exported_maps, exported_note
 from .found import Found, check_size
 from .framing import centred_square
-from .texture_maps import DIELECTRIC, Convention, check_same_size, maps_of, pictures_of
-from .texture_names import find_textures, holds_material, picture_names, sets_in
+from .texture_maps import DIELECTRIC, Convention, in_one_size, maps_of, pictures_of
+from .texture_names import candidates, find_textures, holds_material, picture_names, sets_in
 
 
 def read_material(
@@ -62,7 +63,7 @@ def read_material(
         specular: "colour" keeps the colour of metals, in three channels of the specular albedo; "luminance" has one.
 
     Raises:
-        UserError: for a map that is missing, double, damaged or of another size, or values that cannot be that map's.
+        UserError: for a map that is missing, double, damaged or of another shape, or values that cannot be that map's.
     """
     folder = Path(folder)
     if size is not None:
@@ -76,7 +77,7 @@ def _material(folder: Path, size: int | None, convention: Convention, files: Seq
         maps = exported_maps(folder, note, convention.specular == "colour")
     else:
         textures = find_textures(folder, convention.normal, files)
-        maps = maps_of(textures, check_same_size(folder, pictures_of(textures)), convention)
+        maps = maps_of(textures, in_one_size(folder, pictures_of(textures)), convention)
     return check_maps(_resized(pack_maps(maps), size), str(folder))[0]
 
 
@@ -99,7 +100,7 @@ def find_materials(
     check_size(path, size)
     if path.suffix.lower() == ".npz":
         return _from_arrays(path, size, meant.fresnel)
-    folders = _material_folders(path)
+    folders = material_folders(path)
     found: dict[str, Tensor] = {}
     skipped: dict[str, str] = {}
     for name, (folder, files) in folders.items():
@@ -128,7 +129,7 @@ Place: TypeAlias = tuple[Path, "list[Path] | None"]
 """Where a material lies: a folder, and which of its files are its own, None for all."""
 
 
-def _material_folders(path: Path) -> dict[str, Place]:
+def material_folders(path: Path) -> dict[str, Place]:
     """Name → place: the folder itself if it is a material, else each below it that is or is meant to be one."""
     if not path.is_dir():
         raise UserError(f"{path}: there is no such folder; name a folder of texture maps, or an .npz of maps")
@@ -145,6 +146,17 @@ def _material_folders(path: Path) -> dict[str, Place]:
         several = sets_in(folder)
         named |= {f"{name}/{one}": (folder, files) for one, files in several.items()} or {name: (folder, None)}
     return named or {path.name: (path, None)}
+
+
+def pictures_of_no_map(path: Path, places: Mapping[str, Place]) -> list[Path]:
+    """Return the pictures in and below a folder that lie in none of these places, or whose names are no maps'."""
+    named: set[Path] = set()
+    for folder, files in places.values():
+        said = exported_note(folder) is not None or not holds_material(folder)
+        roles = {} if said else candidates(folder, files)
+        named |= {*picture_names(folder)} if said else {file for role in roles.values() for file in role}
+    folders = {path, *(folder for folder in paths_below(path) if folder.is_dir())}
+    return sorted({file for folder in folders for file in picture_names(folder)} - named)
 
 
 def _is_material(folder: Path) -> bool:
