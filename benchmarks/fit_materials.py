@@ -44,7 +44,7 @@ def errors(name: str, found: Tensor, true: Tensor) -> dict[str, object]:
     def rmse(a: Tensor, b: Tensor) -> float:
         return (a - b).square().mean().sqrt().item()
 
-    lights = [rmse(a, b) for a, b in zip(relit(found), relit(true), strict=True)]
+    lights = [rmse(a, b) for a, b in zip(relit(found).values(), relit(true).values(), strict=True)]
     return {f"{name}_{key}": rmse(found[:, at], true[:, at]) for key, at in MAPS.items()} | {f"{name}_relit": lights}
 
 
@@ -67,7 +67,9 @@ def compared(run: up.Run, given: argparse.Namespace) -> dict[str, object]:
         "constants": alike.mean((2, 3), keepdim=True).expand_as(true),
     }
     best, rows = found["fit"], [true[:8, MAPS["diffuse"]], found["fit"][:8, MAPS["diffuse"]]]
-    rows += [x.clamp(0, 1) for pair in zip(relit(true[:8]), relit(best[:8]), strict=True) for x in pair]
+    rows += [
+        x.clamp(0, 1) for pair in zip(relit(true[:8]).values(), relit(best[:8]).values(), strict=True) for x in pair
+    ]
     up.export.picture_sheet(torch.cat(rows), columns=len(rows[0])).save(given.out / f"{given.material}.png")
     row: dict[str, object] = {"n": given.n, "cpu_seconds": seconds}
     for name, x in found.items():

@@ -15,6 +15,9 @@ from unproject.domains import Maps
 from unproject.domains.evidence import ENOUGH, Evidence
 from unproject.domains.maps import MATCH
 from unproject.export import MATERIAL_FORMATS
+from unproject.ops.maps import MAPS
+from unproject.projections import Identity, Observation, Projection
+from unproject.recipes.material_panels import observation_of, standardised_panel
 
 
 def match(generated: Tensor, real: Tensor, others: Tensor, apart: Tensor) -> float:
@@ -68,3 +71,30 @@ def test_a_map_that_all_materials_share_is_matched_within_two_levels() -> None:
     real, apart = torch.full((12, 1, 16, 16), 0.5), torch.ones(12, 12, dtype=torch.bool)
     found = [match(real + 0.25 * off, real, real, apart) for off in (0.0, 6.0, 12.0, 40.0)]
     assert found[0] < found[1] < MATCH[0] < found[2] < MATCH[1] < found[3]
+
+
+def left_open(*observations: Observation) -> list[str]:
+    return [f"{finding.word}: {finding.says}" for finding in Maps().open_findings(observations)]
+
+
+def by_name(*names: str) -> list[Observation]:
+    return [observation_of(name, torch.ones(1, 3, 4, 8), 2) for name in names]
+
+
+def test_maps_that_nothing_tells_are_said_to_be_guesses() -> None:
+    guesses = ["doubtful: nothing in the data tells the maps specular, roughness, normal, which are guesses"]
+    for name in ("diffuse", "top", "ambient", "daylight"):
+        assert left_open(*by_name(name)) == guesses
+    assert left_open(*standardised_panel(by_name("diffuse")[0], wood(2, 16)[:, :3]).observations) == guesses
+    assert left_open(*by_name("daylight", "roughness")) == [guesses[0].replace(" roughness,", "")]
+    for names in (("daylight", "flash"), ("coloured",), MAPS):
+        assert left_open(*by_name(*names)) == []
+    assert left_open(Observation("itself", Identity())) == []
+
+
+def test_of_projections_that_are_not_known_nothing_is_said() -> None:
+    class Mean(Projection):
+        def forward(self, x: Tensor) -> Tensor:
+            return x.mean(1, keepdim=True)
+
+    assert left_open(Observation("mean", Mean()), *by_name("diffuse")) == []

@@ -46,7 +46,7 @@ def test_an_unknown_name_suggests_the_nearest(wrong: str, right: str) -> None:
 
 
 def test_a_name_like_no_other_suggests_nothing() -> None:
-    with pytest.raises(UserError, match="there is no recipe 'xyzzy'; shapes, digits and materials .* `unproject recipes` lists them"):
+    with pytest.raises(UserError, match="there is no recipe 'xyzzy'; shapes, digits and materials .* lists them"):
         find("xyzzy")
 
 

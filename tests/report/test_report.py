@@ -31,6 +31,7 @@ from unproject.projections import Identity, Rendering
 from unproject.projections.observation import Observation
 from unproject.report import write_report, writing
 from unproject.report.contents import Contents
+from unproject.report.curves import charts_of
 from unproject.report.materials import material_data
 from unproject.report.sections import views_of
 from unproject.training import Recipe, Run, load, train
@@ -342,6 +343,17 @@ def test_a_run_is_complete_once_what_is_not_logged_fits_into_its_budget() -> Non
         return Contents(Path(), {"resolved": {"minutes": 10}}, {}, lines, None, [], 20).complete
 
     assert left(570, 581) and left(605) and not left(530, 540) and not left(589) and not left()
+
+
+def test_curves_of_several_panels_are_named_by_them() -> None:
+    lines = [{"step": step, "mismatch": 1.0, "mismatch/1": 0.5, "a/b": 2.0, "x": 1.0} for step in (1, 2)]
+    assert [chart.title for chart in charts_of(lines, ["diffuse", "flash"])] == [
+        "Mismatch of statistics, diffuse",
+        "Mismatch of statistics, flash",
+        "a/b",
+        "x",
+    ]
+    assert charts_of(lines)[1].title == "mismatch/1"
 
 
 def test_views_whose_numbers_are_beyond_all_bounds_have_no_angles() -> None:

@@ -28,6 +28,7 @@ import tyro
 
 from .._objects import find_object
 from .._types import UserError
+from ._machine import busy
 from ._mistakes import in_one_line, plainly
 
 _SCALARS = (bool, int, float, str, Path)
@@ -65,7 +66,9 @@ def bind_recipe(verb: str, argv: Sequence[str], run: Callable[..., Any]) -> Call
         def call() -> Any:
             from unproject.training import make
 
-            return go(make(argv[0], factory, {**own.keywords, **options()}))
+            with busy("reading the data"):
+                recipe = make(argv[0], factory, {**own.keywords, **options()})
+            return go(recipe)
 
         return call
     if {"-h", "--help"} & set(argv):

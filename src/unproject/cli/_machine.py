@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from .._types import UserError, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from torch import Tensor
 
@@ -50,6 +51,18 @@ def return_memory() -> None:
     if set_option is not None:
         set_option(M_MMAP_THRESHOLD, LARGE)
         set_option(M_ARENA_MAX, 2)
+
+
+@contextmanager
+def busy(doing: str) -> Iterator[None]:
+    """Show what is being done, on a terminal, while it lasts."""
+    if not sys.stderr.isatty() or os.environ.get("RANK", "0") != "0":
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(f"{doing} ..."):
+        yield
 
 
 def say(line: str) -> None:

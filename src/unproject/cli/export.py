@@ -147,7 +147,7 @@ def _format_of(out: Path, domain: Domain) -> str:
 
 def _meant(to: str, domain: Domain) -> str:
     """Return a format by the name that it has for this domain: glTF is glb of shapes and gltf of materials."""
-    other = ALSO.get(to)
+    other = ALSO.get(to, to)
     return other if to not in domain.exporters and other in domain.exporters else to
 
 

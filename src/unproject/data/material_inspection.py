@@ -12,7 +12,17 @@ from .collection import Collection
 from .inspection import Inspection, Row
 from .readers.exported import exported_note
 from .readers.found import check_size
-from .readers.lights import KINDS, NAMED, SUFFIXES, UNREAD, photographed, picture_files, refuse_unsorted, showing, unsorted
+from .readers.lights import (
+    KINDS,
+    NAMED,
+    SUFFIXES,
+    UNREAD,
+    photographed,
+    picture_files,
+    refuse_unsorted,
+    showing,
+    unsorted,
+)
 from .readers.patches import material_patches, side_to_cut_from
 from .readers.shapes import SUFFIXES as SHAPES
 from .readers.sides import size_of_picture

@@ -149,6 +149,10 @@ class Domain(ABC):
         """
         return []
 
+    def open_findings(self, observations: Sequence[Observation], seed: int = 0) -> list[Finding]:
+        """Judge what all observations of a run together leave open; nothing if it is not known or nothing is."""
+        return []
+
     def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
         """Return how many turns of a sample explain the same data; None if samples have one pose.
 

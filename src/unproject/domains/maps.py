@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -16,16 +17,20 @@ from torch import Tensor
 from .. import export
 from ..data import Collection, Convention, procedural_probes
 from ..metrics import Finding, Score, material_scores, patch_distance
-from ..ops.maps import are_maps, pack_maps, specular_channels, unpack_maps, with_specular
+from ..ops.maps import MAPS, are_maps, pack_maps, specular_channels, unpack_maps, with_specular
 from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
-from ..projections.rendering import Rendering
+from ..projections import Identity, Observation, Selection, Standardised
+from ..projections.base import Projection
+from ..projections.rendering import DIRECTED, Rendering
 from .domain import Domain, Exporter
 from .evidence import ENOUGH, Evidence, match_finding
 
 Fresnel: TypeAlias = Literal["eta", "albedo"]
 LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))
 """Built-in light, and the camera's angle from the normal in radians."""
+LEGIBLE = 64
+"""Pixels of a map in a preview at least, where its labels can be read."""
 
 MATCH = (4.0, 10.0)
 """Levels (doubtful, failed) of the patch distance over that of training pictures."""
@@ -54,7 +59,7 @@ class Maps(Domain):
     fresnel: Fresnel = "albedo"
 
     def preview(self, x: Tensor) -> Image.Image:
-        return export.material_sheet(x, relit(x, self.fresnel))
+        return export.material_sheet(x, relit(x, self.fresnel), scale=max(1, LEGIBLE // x.shape[-1]))
 
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         named = {name: part.numpy() for name, part in unpack_maps(x).items()}
@@ -88,6 +93,17 @@ class Maps(Domain):
         how = f"patch distance of {len(seen.generated)} generated pictures, over that of training pictures {base:.4f}"
         return [match_finding(found / max(base, 1e-6), how, len(seen.generated), MATCH, seed)]
 
+    def open_findings(self, observations: Sequence[Observation], seed: int = 0) -> list[Finding]:
+        told = [told_by(observation.projection) for observation in observations]
+        left = [name for name in MAPS if not any(name in maps for maps in told)]
+        if not left or any(not maps for maps in told):
+            return []
+        how = "maps that the data tell: one is given, or photographs under lamps tell it; other light tells diffuse"
+        says = f"nothing in the data tells the maps {', '.join(left)}, which are guesses"
+        advice = "add photographs under a flash at the camera, or under coloured lamps: sub-folders flash, coloured"
+        score = Score(len(MAPS) - len(left), how, len(MAPS), seed)
+        return [Finding("open", score, len(MAPS) - 0.5, -math.inf, says, advice)]
+
     def read(self, path: Path, size: int) -> Collection:
         fresnel = "albedo" if self.fresnel == "albedo" else "stored"
         return Collection.materials(
@@ -100,19 +116,30 @@ class Maps(Domain):
         return {**super().exporters, **own}
 
 
+def told_by(projection: Projection) -> tuple[str, ...]:
+    """Return the maps that images by this projection tell of, nothing if that is not known."""
+    if isinstance(projection, Standardised):
+        return told_by(projection.projection)
+    if isinstance(projection, Selection):
+        return (projection.map,)
+    if isinstance(projection, Rendering):
+        return (*MAPS,) if isinstance(projection.lighting, str) and projection.lighting in DIRECTED else ("diffuse",)
+    return (*MAPS,) if isinstance(projection, Identity) else ()
+
+
 def rendered_alike(x: Tensor, reference: Tensor, fresnel: Fresnel = "albedo") -> dict[str, tuple[Tensor, Tensor]]:
     """Return both sets of maps under the same lights: the name of the light → a pair of renderings."""
-    pairs = zip(relit(x, fresnel), relit(reference, fresnel), strict=True)
-    return dict(zip(("lamp", *(name for name, _ in LIGHTS)), pairs, strict=True))
+    lit, expected = relit(x, fresnel), relit(reference, fresnel)
+    return {light: (picture, expected[light]) for light, picture in lit.items()}
 
 
 @torch.no_grad()
-def relit(maps: Tensor, fresnel: Fresnel = "albedo") -> list[Tensor]:
-    """Render maps from above under a lamp ½ rad from the normal, and under `LIGHTS`: (N, 3, H, W) for each."""
+def relit(maps: Tensor, fresnel: Fresnel = "albedo") -> dict[str, Tensor]:
+    """Render maps from above under a lamp ½ rad from the normal, and under `LIGHTS`: light → (N, 3, H, W)."""
     theta = torch.zeros(len(maps))
-    pictures = [under_a_lamp(maps, fresnel)]
-    for rendering, (_, view) in zip(_renderings(fresnel), LIGHTS, strict=True):
-        pictures.append(rendering(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5))
+    pictures = {"lamp": under_a_lamp(maps, fresnel)}
+    for rendering, (light, view) in zip(_renderings(fresnel), LIGHTS, strict=True):
+        pictures[light] = rendering(maps, view=theta + view, light=theta, probe=theta, jitter=theta + 0.5)
     return pictures
 
 

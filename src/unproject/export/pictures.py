@@ -153,14 +153,15 @@ def map_picture(name: str, part: Tensor) -> Tensor:
 
 
 def material_sheet(
-    maps: Tensor, pictures: Sequence[Tensor], path: str | PathLike[str] | None = None, *, scale: int = 1
+    maps: Tensor, pictures: Mapping[str, Tensor], path: str | PathLike[str] | None = None, *, scale: int = 1
 ) -> Image.Image:
-    """A row a material: its diffuse, specular, roughness and normal map, and pictures (N, 3, H, W) of it."""
-    columns = [map_picture(name, part) for name, part in unpack_maps(maps.detach().cpu()).items()]
-    columns = [c.expand(-1, 3, -1, -1) for c in (*columns, *(p.detach().cpu() for p in pictures))]
-    cells = torch.stack(columns, 1).permute(0, 1, 3, 4, 2).clamp(0, 1).mul(255).round().byte().numpy()
+    """A row a material: its diffuse, specular, roughness and normal map, and pictures name → (N, 3, H, W) of it."""
+    columns = {name: map_picture(name, part) for name, part in unpack_maps(maps.detach().cpu()).items()}
+    columns |= {name: picture.detach().cpu() for name, picture in pictures.items()}
+    stacked = torch.stack([column.expand(-1, 3, -1, -1) for column in columns.values()], 1)
+    cells = stacked.permute(0, 1, 3, 4, 2).clamp(0, 1).mul(255).round().byte().numpy()
     cells = cells.repeat(scale, 2).repeat(scale, 3)
-    return _kept(Image.fromarray(_joined(cells)), path)
+    return _kept(_labelled(_joined(cells), cells.shape[3], [*columns], []), path)
 
 
 def turntable(

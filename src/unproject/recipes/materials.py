@@ -232,6 +232,7 @@ def with_observations(function: Callable[..., Recipe]) -> Callable[..., Recipe]:
 
 
 PROCEDURAL: dict[str, Materials] = {
+    "materials": wood,
     "wood": wood,
     "metal": metal,
     "plastic": plastic,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -62,8 +62,15 @@ KNOWN = (
 NO_VALUES = frozenset({"step", "seconds", "event", "round", "panel", "number", "merit", "views"})
 
 
-def charts_of(lines: Sequence[dict[str, Any]]) -> list[Chart]:
-    """Return the charts of a log; steps that were done again are shown as they were done last."""
+TITLES = {"mismatch": "Mismatch of statistics"}
+"""Key → title of charts of their own."""
+
+
+def charts_of(lines: Sequence[dict[str, Any]], panels: Sequence[str] = ()) -> list[Chart]:
+    """Return the charts of a log; steps that were done again are shown as they were done last.
+
+    A key of a further panel ends in its number, in place of which its name among `panels` is shown.
+    """
     plain = [line for line in lines if "event" not in line]
     keys = dict.fromkeys(key for line in plain for key in line if key not in NO_VALUES)
     charts = []
@@ -73,8 +80,19 @@ def charts_of(lines: Sequence[dict[str, Any]]) -> list[Chart]:
     rounds = [line for line in lines if line.get("event") == "assigned"]
     charts.append(_chart("View predictor", "loss, nats", _curves(rounds, "loss", "loss of each round"), False))
     known = {key for *_, named, _ in KNOWN for key in named}
-    charts += [_chart(key, key, _curves(plain, key, key), False) for key in keys if key not in known]
+    several = {key.partition("/")[0] for key in keys if "/" in key}
+    for key in (key for key in keys if key not in known):
+        title = _title(key, panels, several)
+        charts.append(_chart(title, key.partition("/")[0], _curves(plain, key, title), False))
     return [chart for chart in charts if chart.curves]
+
+
+def _title(key: str, panels: Sequence[str], several: Collection[str]) -> str:
+    """Return a key's title, with the name of its panel if several log it."""
+    name, _, number_of = key.partition("/")
+    panel = int(number_of) if number_of.isdecimal() else 0
+    known = (number_of.isdecimal() or not number_of and name in several) and panel < len(panels)
+    return f"{TITLES.get(name, name)}, {panels[panel]}" if known else TITLES.get(key, key)
 
 
 def _chart(title: str, unit: str, curves: dict[str, Points], logarithmic: bool) -> Chart:

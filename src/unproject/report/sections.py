@@ -87,7 +87,8 @@ def time_section(frames: list[tuple[int, Picture]], damaged: int) -> str:
 
 def curves_section(contents: Contents) -> str:
     """Return the charts of the log."""
-    charts = charts_of(contents.lines)
+    panels = contents.recipe["resolved"].get("panels")
+    charts = charts_of(contents.lines, [_panel_name(panel) for panel in panels] if isinstance(panels, list) else [])
     if not charts:
         return section("Training", paragraph("stats.jsonl holds no curve yet."))
     says = paragraph(
@@ -173,6 +174,15 @@ def data_section(contents: Contents, sheets: list[tuple[str, Picture]], why_none
     return section("Data", definitions(rows), below)
 
 
+def _panel_name(panel: object) -> str:
+    """Return the names of a panel's observations in recipe.json, the first and the last."""
+    try:
+        names = [str(o["name"]) for o in panel["observations"]]  # pyright: ignore[reportIndexIssue]
+        return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
+    except (TypeError, KeyError, IndexError):
+        return "panel"
+
+
 def _panel_rows(panel: object) -> Iterable[tuple[str, object]]:
     """Return a line on a panel of recipe.json: how many items of which size, how many held out, by which method."""
     try:
@@ -183,7 +193,7 @@ def _panel_rows(panel: object) -> Iterable[tuple[str, object]]:
         method = str(panel["assignment"]["type"]).rpartition(":")[2]  # pyright: ignore[reportIndexIssue]
         out = panel.get("held_out")  # pyright: ignore[reportAttributeAccessIssue]
         kept = f", {out['collection'][0]:,} more held out" if out else ""
-        name = names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
+        name = _panel_name(panel)
         heads = f", {len(names)} views" if len(names) > 1 else ""
         sums = ", ".join(str(part["sha256"]) for part in data[:3]) + (" …" if len(data) > 3 else "")
         yield name, f"{count:,} of {size}{kept}{heads}, {method}; SHA-256 {sums}"

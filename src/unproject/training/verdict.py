@@ -90,7 +90,8 @@ def judge(generator: Generator, domain: Domain, assignments: Sequence[Assignment
             of = state.panel.observations[0].name
             found = [replace(f, name=f"{f.name}_{of}", says=f"{of}: {f.says}") for f in found]
         findings += found
-    return Verdict((*findings, *domain.findings(x, seed)))
+    observations = [o for state in assignments for o in state.panel.observations]
+    return Verdict((*findings, *domain.open_findings(observations, seed), *domain.findings(x, seed)))
 
 
 def panel_findings(domain: Domain, state: AssignmentState, x: Tensor, seed: int) -> list[Finding]:
