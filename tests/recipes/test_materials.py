@@ -371,6 +371,43 @@ def test_photographs_are_standardised_before_they_are_compared(tmp_path: Path) -
         train(several, tmp_path / "several", quiet=True).evaluate(trained_on, n=4)
 
 
+def test_a_run_is_scored_by_photographs_that_were_held_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Sub-folders that the run has no observation for are left; its own pictures score as if they had been trained on.
+
+    Each kind of pictures is standardised as in training.
+    """
+    rng = np.random.default_rng(0)
+    for name in ("flash", "diffuse", "daylight"):
+        (tmp_path / "own" / name).mkdir(parents=True)
+        for k in range(8):
+            pixels = rng.integers(0, 200 if name == "flash" else 80, (16, 16, 3), dtype=np.uint8)
+            Image.fromarray(pixels).save(tmp_path / "own" / name / f"{k}.png")
+    flags = [f"--{key.replace('_', '-')}={value}" for key, value in TOY.items()]
+    run = str(tmp_path / "run")
+    observed = ["--observations", "flash", "diffuse"]
+    assert main(["train", "materials", "--data", str(tmp_path / "own"), *observed, *flags, "--out", run]) == 0
+    scores = []
+    for reference in ([], ["--reference", str(tmp_path / "own")]):
+        capsys.readouterr()
+        assert main(["evaluate", run, "--n", "8", "--json", *reference]) == 0
+        scores.append(json.loads(capsys.readouterr().out))
+    for name in ("patch_flash", "patch_diffuse"):
+        assert scores[1][name]["value"] == pytest.approx(scores[0][name]["value"], rel=1e-3)
+    assert "training" not in scores[1]["patch_flash"]["protocol"] and "patch_daylight" not in scores[1]
+    (tmp_path / "others").mkdir()
+    (tmp_path / "own" / "daylight").rename(tmp_path / "others" / "daylight")
+    assert main(["evaluate", run, "--reference", str(tmp_path / "others")]) == 2
+    assert "holds pictures of daylight, but the run saw flash, diffuse; give some" in capsys.readouterr().err
+
+
+def test_references_of_no_observation_are_refused(tmp_path: Path) -> None:
+    run = train(wood_materials(observations=("flash",), renderings=12, **TOY), tmp_path / "run", quiet=True)
+    with pytest.raises(UserError, match="the run has no observation 'lamp'; give pictures of flash"):
+        run.evaluate({"lamp": torch.zeros(8, 3, 16, 16)}, n=8)
+    with pytest.raises(UserError, match=r"references of flash are of shape \(1, 8, 8\); give pictures of shape"):
+        run.evaluate({"flash": torch.zeros(8, 1, 8, 8)}, n=8)
+
+
 def test_probes_that_light_nothing_are_warned_of(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="not read, as no observation is lit by them"):
         assert natural_light(["diffuse", "flash"], tmp_path / "missing") is None

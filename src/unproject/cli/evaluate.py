@@ -18,7 +18,10 @@ LONG = 40
 """Characters above which a part of several protocols becomes a footnote."""
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from ..metrics import Score
+    from ..training import Run
 
 
 def run(
@@ -41,7 +44,8 @@ def run(
 
     Args:
         path: the run directory.
-        reference: held-out shapes, images or materials; or silhouettes or line integrals (default: for runs without
+        reference: held-out shapes, images or materials; or silhouettes, line integrals, or photographs of materials in
+            sub-folders by their light (default: for runs without
             --data, held-out samples of the recipe's own data set).
         n: how many samples to score (default: 256 shapes, 2000 images or 500 materials).
         seed: of the samples and of the measurement.
@@ -50,6 +54,7 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
+    from ..data import photographed
     from ..data.measured_lines import about_middle
     from ..recipes.held_out import held_out
     from ..training import load
@@ -62,7 +67,9 @@ def run(
     opened = load(path, trust=trust)
     size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
     opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
-    if reference is not None:
+    if reference is not None and opened.domain.name == "maps" and photographed(reference):
+        against = _photographs(opened, reference, size, trust)
+    elif reference is not None:
         against = opened.domain.read(reference, size).floats()
         if opened.domain.name == "image" and against.dim() == 3:
             against = about_middle(against, origin.arguments.get("center") if origin else None, str(reference))
@@ -84,6 +91,24 @@ def run(
         print(verdict_table(verdict))
     if against is None:
         print("Self-checks only; --reference, held-out samples or projections, adds distances to them.")
+
+
+def _photographs(run: Run, path: Path, size: int, trust: bool) -> dict[str, Tensor]:
+    """Return the pictures of sub-folders by light, and of maps, that the run has observations for.
+
+    Raises:
+        UserError: if it has none for any of them.
+    """
+    from ..data import Collection, photographed
+
+    shapes = {panel.observations[0].name: panel.shape for panel in run.recipe(trust).panels}
+    names, known = photographed(path), ", ".join(shapes)
+    chosen = [name for name in names if name in shapes]
+    if not chosen:
+        raise UserError(f"{path}: holds pictures of {', '.join(names)}, but the run saw {known}; give some of those")
+    coloured = shapes.get("specular", (1,))[0] == 3
+    read = {name: Collection.photographs(path, name, size, coloured=coloured).warn_skipped() for name in chosen}
+    return {name: found.floats() for name, found in read.items()}
 
 
 def table(scores: Mapping[str, Score]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import torch
@@ -48,11 +48,42 @@ def sample_scores(
     if len(fitting) > 1:
         names = ", ".join(state.panel.observations[0].name for state in fitting)
         raise UserError(f"the references may be pictures of any of {names}; give samples")
-    projection = fitting[0].panel.projection
+    return _against(domain, fitting[0], x, reference, seed) | domain.checks(x, seed)
+
+
+@torch.no_grad()
+def observed_scores(
+    generator: Generator,
+    domain: Domain,
+    assignments: Sequence[AssignmentState],
+    references: Mapping[str, Tensor],
+    n: int,
+    seed: int = 0,
+) -> dict[str, Score]:
+    """Score n samples by themselves, and their projections against pictures of several observations: name → (N, ...).
+
+    Raises:
+        UserError: if there is no such observation, or its pictures are of another shape.
+    """
+    x = generator.sample(n, seed)
+    of = {state.panel.observations[0].name: state for state in assignments}
+    scores = domain.checks(x, seed)
+    for name, reference in references.items():
+        if name not in of:
+            raise UserError(f"the run has no observation {name!r}; give pictures of {', '.join(of)}")
+        if reference.shape[1:] != of[name].panel.shape:
+            given, wanted = tuple(reference.shape[1:]), tuple(of[name].panel.shape)
+            raise UserError(f"the references of {name} are of shape {given}; give pictures of shape {wanted}")
+        scores |= {f"{key}_{name}": score for key, score in _against(domain, of[name], x, reference, seed).items()}
+    return scores
+
+
+def _against(domain: Domain, state: AssignmentState, x: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
+    """Score projections of samples against pictures as they are stored."""
+    projection = state.panel.projection
     given = projection.standardise(reference) if isinstance(projection, Standardised) else reference
-    prepared = projection.prepare(given)
-    seen = projected(fitting[0], x, seed)
-    return domain.projection_scores(seen, prepared, seed, projection.silhouettes) | domain.checks(x, seed)
+    seen = projected(state, x, seed)
+    return domain.projection_scores(seen, projection.prepare(given), seed, projection.silhouettes)
 
 
 @torch.no_grad()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from ..networks.generators import FINE_VOXELS
 from . import checkpoint
 from .building import build, build_domain
 from .estimate import require_memory
-from .evaluation import estimated_view_scores, sample_scores, self_checks
+from .evaluation import estimated_view_scores, observed_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
 from .origin import rebuild
 from .recipe import Recipe
@@ -115,7 +116,7 @@ class Run:
 
     def evaluate(
         self,
-        reference: Tensor | Collection | None = None,
+        reference: Tensor | Collection | Mapping[str, Tensor] | None = None,
         *,
         n: int | None = None,
         seed: int = 0,
@@ -126,8 +127,9 @@ class Run:
         """Score the run: its samples, their projections, and the views that it estimated.
 
         Args:
-            reference: held-out samples, or projections of such (default: none; then only samples by themselves, their
-                projections against the training images, and the views are checked).
+            reference: held-out samples, or projections of such; of a run with several observations, projections by
+                their names (default: none; then only samples by themselves, their projections against the training
+                images, and the views are checked).
             n: samples to score (default: the domain's number).
             seed: of the samples and of the measurement.
             ceiling: also train a view predictor on the known views, which takes a minute or two.
@@ -143,6 +145,8 @@ class Run:
         views = estimated_view_scores(self.domain, states, seed, ceiling)
         if reference is None:
             return self_checks(self.generator, self.domain, states, count, seed) | views
+        if isinstance(reference, Mapping):
+            return observed_scores(self.generator, self.domain, states, reference, count, seed) | views
         items = reference.floats() if isinstance(reference, Collection) else reference
         return sample_scores(self.generator, self.domain, states, items, count, seed) | views
 
