@@ -62,7 +62,7 @@ def _of_textures(path: Path, size: int, strict: bool) -> Inspection:
     count = max(1, min(PATCHES, PATCHES * FEWER_ABOVE**2 // size**2))
     cut = whole if whole.shape[-2:] == (size, size) else Collection(material_patches(whole.items, count, size))
     texels = pixels((whole.shape[-1], whole.shape[-2]))
-    rows: list[Row] = [(name, "", "", reason) for name, reason in whole.skipped]
+    rows: list[Row] = [(name, "", "", reason.removeprefix(f"{path / name}: ")) for name, reason in whole.skipped]
     notes = [f"materials: {len(whole)} of {texels} texels: diffuse, specular, roughness and normal maps"]
     sizes: dict[str, str] = {}
     if side is not None:
