@@ -85,7 +85,17 @@ def test_larger_pictures_are_resampled(tmp_path: Path) -> None:
 
 
 def test_an_odd_margin() -> None:
-    assert torch.equal(fitted(torch.ones(1, 1, 1, 2), 4)[0, 0].nonzero(), torch.tensor([[1, 1], [1, 2]]))
+    assert torch.equal(fitted(torch.ones(1, 1, 2, 3), 4)[0, 0].nonzero()[0], torch.tensor([1, 0]))
+
+
+def test_pictures_that_fit_in_several_times_are_enlarged() -> None:
+    """MNIST's 28 pixels are 56 of 64, and 28 of 32."""
+    picture = torch.zeros(1, 1, 28, 28, dtype=torch.uint8)
+    picture[..., :14] = 200
+    large = fitted(picture, 64)[0, 0]
+    assert large.dtype == torch.uint8 and not large[:4].any() and not large[:, :4].any()
+    assert (large[4:60, 4:30] == 200).all() and not large[:, 34:].any()
+    assert torch.equal(fitted(picture, 32)[..., 2:30, 2:30], picture)
 
 
 def test_volumes_are_refused(tmp_path: Path) -> None:

@@ -27,9 +27,15 @@ def as_images(pictures: Tensor, size: int | None = None, colour: bool = False) -
 
 
 def fitted(pictures: Tensor, size: int) -> Tensor:
-    """Pictures (N, C, H, W) at (N, C, size, size): larger ones averaged down, smaller ones in a margin of 0."""
-    if max(pictures.shape[2:]) > size:
+    """Pictures (N, C, H, W) at (N, C, size, size): larger ones averaged down, smaller ones in a margin of 0.
+
+    Those that fit in two times or more are enlarged by the largest whole number first.
+    """
+    side = max(pictures.shape[2:])
+    if side > size:
         pictures = torch.cat([_computed(part, lambda x: _averaged(x, size)) for part in chunks(pictures)])
+    elif (times := size // side) > 1:
+        pictures = torch.cat([_computed(part, lambda x: _enlarged(x, times)) for part in chunks(pictures)])
     height, width = (size - side for side in pictures.shape[2:])
     return F.pad(pictures, (width // 2, width - width // 2, height // 2, height - height // 2))
 
@@ -48,6 +54,10 @@ def _channels(x: Tensor, wanted: int) -> Tensor:
     if wanted == 1 and colours == 3:
         return (x * x.new_tensor(LUMA)[:, None, None]).sum(1, keepdim=True)
     return x.expand(-1, wanted, -1, -1)
+
+
+def _enlarged(x: Tensor, times: int) -> Tensor:
+    return F.interpolate(x, scale_factor=times, mode="bilinear", align_corners=False)
 
 
 def _averaged(x: Tensor, size: int) -> Tensor:
