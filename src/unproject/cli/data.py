@@ -195,12 +195,11 @@ ENLARGED, SHOWN = 2, 20
 
 def _size_of(recipe: str, path: Path) -> int:
     """The default of the recipe's own `size`, or what it chooses for a path."""
-    from ..recipes.sizes import size_for, size_for_images
-
-    chosen = {"shapes": size_for, "digits": size_for_images, "digits-paper": size_for_images}
-    if recipe in chosen:
-        return chosen[recipe](path)
-    parameters = inspect_module.signature(find_recipe(recipe)).parameters
+    function = find_recipe(recipe)
+    chosen = getattr(function, "size_of_data", None)
+    if chosen is not None:
+        return chosen(path, {})
+    parameters = inspect_module.signature(function).parameters
     if "size" not in parameters or not isinstance(parameters["size"].default, int):
         raise UserError(f"--for {recipe}: has no default size; give --size")
     return parameters["size"].default

@@ -57,7 +57,8 @@ def _sized(
 ) -> Callable[[Callable[P, Recipe]], Callable[P, Recipe]]:
     """Give a recipe function the `size` that is chosen by its `data`, unless one is given.
 
-    It goes around `resumable`, so that recipe.json holds the size: a run resumes at it whatever becomes of the data.
+    The choice is its attribute `size_of_data`, which `data inspect` asks too. It goes around `resumable`, so that
+    recipe.json holds the size: a run resumes at it whatever becomes of the data.
     """
 
     def decorate(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
@@ -68,6 +69,7 @@ def _sized(
                 arguments["size"] = choose(data if data is None else Path(str(data)), arguments)
             return function(*positional, **arguments)
 
+        vars(sized)["size_of_data"] = choose
         return sized
 
     return decorate
