@@ -47,7 +47,7 @@ def digits_sheet(x: Tensor) -> Image.Image:
 
 
 def materials_sheet(x: Tensor) -> Image.Image:
-    return export.material_sheet(x, relit(x), scale=max(1, 64 // x.shape[-1]))
+    return export.material_sheet(x, relit(x), scale=4)
 
 
 def sheet_of(recipe: str) -> Callable[[Tensor], Image.Image]:

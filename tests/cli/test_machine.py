@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 
 import pytest
+
+from unproject.cli._machine import busy
 
 FREED = """
 import sys, torch
@@ -35,3 +38,24 @@ def test_freed_memory_is_returned() -> None:
         for word in ("returned", "kept")
     }
     assert grown["returned"] < 20 < 150 < grown["kept"]
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_what_is_being_done_is_shown_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is printed meanwhile goes where it did."""
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with busy("reading the data"):
+        print("by a recipe")
+    assert "reading the data ..." in terminal.getvalue() and capsys.readouterr().out == "by a recipe\n"
+    plain = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", plain)
+    with busy("reading the data"):
+        print("again")
+    assert not plain.getvalue() and capsys.readouterr().out == "again\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -73,6 +74,11 @@ def test_a_map_that_all_materials_share_is_matched_within_two_levels() -> None:
     assert found[0] < found[1] < MATCH[0] < found[2] < MATCH[1] < found[3]
 
 
+@pytest.mark.parametrize(("side", "cell"), [(16, 64), (48, 96), (64, 64), (80, 80)])
+def test_previews_have_cells_in_which_labels_can_be_read(side: int, cell: int) -> None:
+    assert Maps().preview(wood(1, side, 0)).width == 8 * cell
+
+
 def left_open(*observations: Observation) -> list[str]:
     return [f"{finding.word}: {finding.says}" for finding in Maps().open_findings(observations)]
 
@@ -83,12 +89,14 @@ def by_name(*names: str) -> list[Observation]:
 
 def test_maps_that_nothing_tells_are_said_to_be_guesses() -> None:
     guesses = ["doubtful: nothing in the data tells the maps specular, roughness, normal, which are guesses"]
-    for name in ("diffuse", "top", "ambient", "daylight"):
+    for name in ("diffuse", "top", "ambient", "daylight", "lamp"):
         assert left_open(*by_name(name)) == guesses
     assert left_open(*standardised_panel(by_name("diffuse")[0], wood(2, 16)[:, :3]).observations) == guesses
     assert left_open(*by_name("daylight", "roughness")) == [guesses[0].replace(" roughness,", "")]
-    for names in (("daylight", "flash"), ("coloured",), MAPS):
+    for names in (("daylight", "flash"), ("coloured",), ("raking",), MAPS):
         assert left_open(*by_name(*names)) == []
+    (lamp,) = by_name("lamp")
+    assert left_open(replace(lamp, name="my own")) == [], "of which only the light is known"
     assert left_open(Observation("itself", Identity())) == []
 
 

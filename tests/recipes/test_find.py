@@ -41,12 +41,12 @@ def test_every_name_finds_a_function_with_a_line_about_it() -> None:
 
 @pytest.mark.parametrize("wrong, right", [("shape", "shapes"), ("shapes_paper", "shapes-paper")])
 def test_an_unknown_name_suggests_the_nearest(wrong: str, right: str) -> None:
-    with pytest.raises(UserError, match=f"there is no recipe '{wrong}'. Perhaps you meant '{right}'.*lists them"):
+    with pytest.raises(UserError, match=f"there is no recipe '{wrong}'. Perhaps you meant '{right}'.*lists all"):
         find(wrong)
 
 
 def test_a_name_like_no_other_suggests_nothing() -> None:
-    with pytest.raises(UserError, match="there is no recipe 'xyzzy'; shapes, digits and materials .* lists them"):
+    with pytest.raises(UserError, match="there is no recipe 'xyzzy'; shapes, digits and materials .* lists all"):
         find("xyzzy")
 
 

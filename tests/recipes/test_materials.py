@@ -398,6 +398,10 @@ def test_a_run_is_scored_by_photographs_that_were_held_out(tmp_path: Path, capsy
     (tmp_path / "own" / "daylight").rename(tmp_path / "others" / "daylight")
     assert main(["evaluate", run, "--reference", str(tmp_path / "others")]) == 2
     assert "holds pictures of daylight, but the run saw flash, diffuse; give some" in capsys.readouterr().err
+    for k in range(1, 8):
+        (tmp_path / "own" / "flash" / f"{k}.png").unlink()
+    assert main(["evaluate", run, "--reference", str(tmp_path / "own")]) == 2
+    assert "flash: holds one picture that can be used; give two at least" in capsys.readouterr().err
 
 
 def test_references_of_no_observation_are_refused(tmp_path: Path) -> None:

@@ -60,8 +60,11 @@ def busy(doing: str) -> Iterator[None]:
         yield
         return
     from rich.console import Console
+    from rich.live import Live
+    from rich.spinner import Spinner
 
-    with Console(stderr=True).status(f"{doing} ..."):
+    spinner = Spinner("dots", f"{doing} ...")
+    with Live(spinner, console=Console(stderr=True), transient=True, redirect_stdout=False, redirect_stderr=False):
         yield
 
 

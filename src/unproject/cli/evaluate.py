@@ -54,7 +54,6 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
-    from ..data import photographed
     from ..data.measured_lines import about_middle
     from ..recipes.held_out import held_out
     from ..training import load
@@ -67,14 +66,15 @@ def run(
     opened = load(path, trust=trust)
     size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
     opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
-    if reference is not None and opened.domain.name == "maps" and photographed(reference):
-        against = _photographs(opened, reference, size, trust)
+    seen = {panel.observations[0].name: panel.shape for panel in opened.recipe(trust).panels}
+    if reference is not None and (lights := _photographs_of(opened, reference, seen)):
+        against = _photographs(reference, lights, size, seen)
     elif reference is not None:
         against = opened.domain.read(reference, size).floats()
         if opened.domain.name == "image" and against.dim() == 3:
             against = about_middle(against, origin.arguments.get("center") if origin else None, str(reference))
-            seen = [panel.observations[0].projection for panel in opened.recipe(trust).panels]
-            against = against / next((unit for unit in map(unit_of, seen) if unit != 1), 1)
+            projections = [panel.observations[0].projection for panel in opened.recipe(trust).panels]
+            against = against / next((unit for unit in map(unit_of, projections) if unit != 1), 1)
     else:
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
@@ -93,21 +93,35 @@ def run(
         print("Self-checks only; --reference, held-out samples or projections, adds distances to them.")
 
 
-def _photographs(run: Run, path: Path, size: int, trust: bool) -> dict[str, Tensor]:
-    """Return the pictures of sub-folders by light, and of maps, that the run has observations for.
+def _photographs_of(run: Run, path: Path, seen: Mapping[str, tuple[int, ...]]) -> list[str]:
+    """Return the sub-folders by light, and of maps, that a run of materials has observations for.
 
     Raises:
-        UserError: if it has none for any of them.
+        UserError: if it has none for any of them, and they are no texture sets.
     """
-    from ..data import Collection, photographed
+    from ..data import holds_textures, photographed
 
-    shapes = {panel.observations[0].name: panel.shape for panel in run.recipe(trust).panels}
-    names, known = photographed(path), ", ".join(shapes)
-    chosen = [name for name in names if name in shapes]
-    if not chosen:
-        raise UserError(f"{path}: holds pictures of {', '.join(names)}, but the run saw {known}; give some of those")
-    coloured = shapes.get("specular", (1,))[0] == 3
-    read = {name: Collection.photographs(path, name, size, coloured=coloured).warn_skipped() for name in chosen}
+    names = photographed(path) if run.domain.name == "maps" else ()
+    chosen = [name for name in names if name in seen]
+    if names and not chosen and not holds_textures(path):
+        known = "all maps together; give materials" if "itself" in seen else f"{', '.join(seen)}; give some of those"
+        raise UserError(f"{path}: holds pictures of {', '.join(names)}, but the run saw {known}")
+    return chosen
+
+
+def _photographs(path: Path, names: list[str], size: int, seen: Mapping[str, tuple[int, ...]]) -> dict[str, Tensor]:
+    """Return the pictures of these sub-folders.
+
+    Raises:
+        UserError: for one that holds a single picture.
+    """
+    from ..data import Collection
+
+    coloured = seen.get("specular", (1,))[0] == 3
+    read = {name: Collection.photographs(path, name, size, coloured=coloured).warn_skipped() for name in names}
+    few = next((name for name, found in read.items() if len(found) < 2), None)
+    if few is not None:
+        raise UserError(f"{path / few}: holds one picture that can be used; give two at least")
     return {name: found.floats() for name, found in read.items()}
 
 

@@ -43,8 +43,8 @@ def run(
         source: A run directory, an .npz of `unproject sample`, or a folder of textures.
         out: The file (with the format's suffix; meshes stand side by side in one) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
-            turntable); of materials maps (folders of PNG or EXR), mtlx (the same with MaterialX) and gltf (a .glb of
-            planes); of a domain of your own what it exports (default: by the suffix of --out; of a folder glb of
+            turntable); of materials maps (folders of PNG or EXR), mtlx or materialx (the same with MaterialX) and gltf or
+            glb (a .glb of planes); of a domain of your own what it exports (default: by the suffix of --out; of a folder glb of
             shapes, maps of materials, png of images, else npz).
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
@@ -65,6 +65,7 @@ def run(
 
     from ..training.run_directory import naming
 
+    to = "mtlx" if to == "materialx" else to
     found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)
     to = _format_of(out, found.domain) if to is None else _meant(to, found.domain)
     options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
@@ -98,9 +99,8 @@ def _found(
     from ..training import load
 
     arrays_given = source.suffix.lower() == ".npz"
-    of_maps = to in export.MATERIAL_FORMATS
-    may_be = to is None or ALSO.get(to) in export.MATERIAL_FORMATS
-    textures = not arrays_given and (of_maps or (may_be and holds_materials(source)))
+    textures = to in export.MATERIAL_FORMATS or (to == "glb" and source.is_dir())
+    textures = not arrays_given and (textures or (to is None and holds_materials(source)))
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)
@@ -151,8 +151,8 @@ def _meant(to: str, domain: Domain) -> str:
     return other if to not in domain.exporters and other in domain.exporters else to
 
 
-ALSO = {"glb": "gltf", "gltf": "glb", "materialx": "mtlx"}
-"""Other names of formats."""
+ALSO = {"glb": "gltf", "gltf": "glb"}
+"""Two names of a format."""
 
 
 def _options(

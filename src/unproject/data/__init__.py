@@ -12,7 +12,7 @@ from .flips import with_flips
 from .inspection import Inspection, inspect
 from .listed import are_pictures, read_photographs, read_silhouettes
 from .mapping import mapped
-from .material_inspection import holds_materials, inspect_materials
+from .material_inspection import holds_materials, holds_textures, inspect_materials
 from .observing import observe
 from .packing import Packed, pack
 from .procedural.light import daylight_probes, mixed_probes, procedural_probes
@@ -63,6 +63,7 @@ __all__ = [
     "frame",
     "get",
     "holds_materials",
+    "holds_textures",
     "inspect",
     "inspect_materials",
     "mapped",

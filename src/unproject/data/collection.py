@@ -118,8 +118,8 @@ class Collection:
 
         Args:
             path: a folder of pictures, or an .npz, .npy or idx file.
-            size: pixels a side: larger pictures are averaged down, smaller ones get a dark margin; default: as stored,
-                which must be one size for all.
+            size: pixels a side: larger pictures are averaged down, smaller ones enlarged by a whole number if they fit
+                in twice, and get a dark margin; default: as stored, which must be one size for all.
             colour: keep red, green and blue, (N, 3, H, W); default: grey, 0.299 R + 0.587 G + 0.114 B.
             strict: fail on the first picture that cannot be used instead of skipping it.
 

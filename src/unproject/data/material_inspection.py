@@ -127,10 +127,12 @@ def holds_materials(path: Path | str) -> bool:
         return False
     if any(picture_files(path / name, (*SUFFIXES, *UNREAD)) for name in photographed(path) if name not in UNCLEAR):
         return True
-    below = [*paths_below(path)]
-    if any(file.suffix.lower() in SHAPES for file in below):
-        return False
-    return any(_is_texture_set(folder) for folder in (path, *below) if folder.is_dir())
+    return not any(file.suffix.lower() in SHAPES for file in paths_below(path)) and holds_textures(path)
+
+
+def holds_textures(path: Path) -> bool:
+    """Whether a folder is a texture set, or one is below it."""
+    return any(_is_texture_set(folder) for folder in (path, *paths_below(path)) if folder.is_dir())
 
 
 def _holds_maps(path: Path) -> bool:

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from .. import export
 from ..data import Collection, Convention, procedural_probes
+from ..data.readers.lights import KINDS, TELLING
 from ..metrics import Finding, Score, material_scores, patch_distance
 from ..ops.maps import MAPS, are_maps, pack_maps, specular_channels, unpack_maps, with_specular
 from ..ops.microfacet import Reflection
@@ -59,7 +60,7 @@ class Maps(Domain):
     fresnel: Fresnel = "albedo"
 
     def preview(self, x: Tensor) -> Image.Image:
-        return export.material_sheet(x, relit(x, self.fresnel), scale=max(1, LEGIBLE // x.shape[-1]))
+        return export.material_sheet(x, relit(x, self.fresnel), scale=math.ceil(LEGIBLE / x.shape[-1]))
 
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         named = {name: part.numpy() for name, part in unpack_maps(x).items()}
@@ -94,11 +95,11 @@ class Maps(Domain):
         return [match_finding(found / max(base, 1e-6), how, len(seen.generated), MATCH, seed)]
 
     def open_findings(self, observations: Sequence[Observation], seed: int = 0) -> list[Finding]:
-        told = [told_by(observation.projection) for observation in observations]
+        told = [told_by(observation.name, observation.projection) for observation in observations]
         left = [name for name in MAPS if not any(name in maps for maps in told)]
         if not left or any(not maps for maps in told):
             return []
-        how = "maps that the data tell: one is given, or photographs under lamps tell it; other light tells diffuse"
+        how = f"maps that the data tell: one is given, {', '.join(sorted(TELLING))} tell all, other light diffuse"
         says = f"nothing in the data tells the maps {', '.join(left)}, which are guesses"
         advice = "add photographs under a flash at the camera, or under coloured lamps: sub-folders flash, coloured"
         score = Score(len(MAPS) - len(left), how, len(MAPS), seed)
@@ -116,14 +117,15 @@ class Maps(Domain):
         return {**super().exporters, **own}
 
 
-def told_by(projection: Projection) -> tuple[str, ...]:
-    """Return the maps that images by this projection tell of, nothing if that is not known."""
+def told_by(name: str, projection: Projection) -> tuple[str, ...]:
+    """Return the maps that images of an observation tell of, nothing if that is not known."""
     if isinstance(projection, Standardised):
-        return told_by(projection.projection)
+        return told_by(name, projection.projection)
     if isinstance(projection, Selection):
         return (projection.map,)
     if isinstance(projection, Rendering):
-        return (*MAPS,) if isinstance(projection.lighting, str) and projection.lighting in DIRECTED else ("diffuse",)
+        directed = isinstance(projection.lighting, str) and projection.lighting in DIRECTED
+        return (*MAPS,) if (name in TELLING if name in KINDS else directed) else ("diffuse",)
     return (*MAPS,) if isinstance(projection, Identity) else ()
 
 

@@ -43,7 +43,7 @@ def names() -> dict[str, str]:
 def find(name: str) -> Callable[..., Recipe]:
     """Return the function of a built-in recipe. Raises UserError for an unknown name."""
     if name not in _HOME:
-        meant = nearest(name, _HOME) or "; shapes, digits and materials learn from data of any kind"
-        raise UserError(f"there is no recipe {name!r}{meant}; `unproject recipes` lists them")
+        any_kind = "shapes, digits and materials learn from data of any kind"
+        raise UserError(f"there is no recipe {name!r}{nearest(name, _HOME)}; {any_kind}; `unproject recipes` lists all")
     module, _, function = _HOME[name][0].partition(":")
     return getattr(import_module(module), function)

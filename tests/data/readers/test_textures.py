@@ -15,7 +15,7 @@ from unproject._pictures import write_picture
 from unproject._types import UserError
 from unproject.data import Collection, holds_materials, read_material, wood
 from unproject.data.readers.texture_maps import normals_from_height
-from unproject.data.readers.texture_names import holds_material, role_of, sets_in, words_of
+from unproject.data.readers.texture_names import find_textures, holds_material, role_of, sets_in, words_of
 from unproject.domains import Maps
 from unproject.ops.exposure import linear_from_srgb
 from unproject.ops.maps import luminance, unpack_maps
@@ -98,15 +98,23 @@ def test_words_are_split_at_signs_digits_and_capitals() -> None:
     assert words_of("old wood-nor.gl_4k") == ["old", "wood", "nor", "gl", "4", "k"]
 
 
-def test_a_letter_at_the_end_is_a_map_if_all_pictures_name_one(tmp_path: Path) -> None:
-    for name in ("T_Planks_D", "T_Planks_N_2K", "T_Planks_R", "T_Planks_Preview"):
-        paint(tmp_path / "a" / f"{name}.png", FLAT if "_N" in name else GREY)
-    assert maps_of(tmp_path / "a")["normal"].shape == (3, SIZE, SIZE)
-    paint(tmp_path / "a" / "T_Planks_X.png", GREY)
-    assert not holds_material(tmp_path / "a"), "chair_d.png beside chair_x.png is a chair"
-    for name in ("oak_d", "oak_r", "ash_d", "ash_r"):
-        paint(tmp_path / "b" / f"{name}.png", GREY)
-    assert {*sets_in(tmp_path / "b")} == {"oak", "ash"}
+def lettered(folder: Path, *names: str) -> Path:
+    for name in names:
+        paint(folder / f"{name}.png", FLAT if "_n" in name.lower() else GREY)
+    return folder
+
+
+def test_a_letter_at_the_end_is_a_map_in_a_set_with_a_normal_map(tmp_path: Path) -> None:
+    """Strays are left; names that say a map by a word keep it; silhouettes are no maps."""
+    planks = ("T_Planks_D", "T_Planks_N_2K", "T_Planks_R_1024")
+    folder = lettered(tmp_path / "a", *planks, "T_Planks_Preview", "render", "IMG_2")
+    assert find_textures(folder).files.keys() == {"colour", "normal", "roughness"}
+    assert {*sets_in(lettered(tmp_path / "b", *(f"{n}_{c}" for n in ("oak", "ash") for c in "dnr")))} == {"oak", "ash"}
+    assert find_textures(lettered(tmp_path / "c", "rock_bc", "rock_n", "rock_orm")).files.keys() >= {"colour", "normal"}
+    words = ("brick_color_s", "brick_roughness_s", "brick_normal_s")
+    assert find_textures(lettered(tmp_path / "d", *words)).files.keys() == {"colour", "roughness", "normal"}
+    for k, names in enumerate((("mug0_d", "mug0_r"), ("cup_d", "cup_n", "cup_r", "cup_x"), ("n", "d", "x"))):
+        assert not holds_material(lettered(tmp_path / f"objects{k}", *names))
 
 
 def test_a_preview_named_as_the_material_is_no_metallic_map(tmp_path: Path) -> None:
@@ -317,14 +325,24 @@ def test_a_height_that_rises_up_the_picture_leans_down_it() -> None:
 # ----------------------------------------------------------------------------------------------------------------- size
 
 
-def test_maps_of_other_sizes_are_brought_to_that_of_the_colour_map(tmp_path: Path) -> None:
+def test_maps_of_several_sizes_are_brought_to_the_largest(tmp_path: Path) -> None:
+    """Decoded before, so that colours are mixed as light."""
     large = np.full((2 * SIZE, 2 * SIZE), GREY, np.uint8)
-    large[::2] += 20
-    small = np.broadcast_to(np.array([(FLAT[0], FLAT[1], FLAT[2])], np.uint8), (SIZE // 2, SIZE // 2, 3))
-    maps = maps_of(material(tmp_path, roughness=large, normal=small), roughness="alpha")
-    assert maps["roughness"].shape[1:] == maps["normal"].shape[1:] == (SIZE, SIZE)
-    assert torch.allclose(maps["roughness"], torch.tensor((GREY + 10) / 255)), "of larger ones the area average"
-    assert maps["normal"][2].min() > 0.99
+    large[:SIZE] += 20
+    normal = np.broadcast_to(np.array([FLAT], np.uint8), (SIZE, SIZE, 3))
+    maps = maps_of(material(tmp_path, roughness=large, normal=normal), roughness="alpha")
+    assert maps["roughness"].shape == (1, 2 * SIZE, 2 * SIZE) and maps["normal"][2].min() > 0.99
+    assert torch.allclose(maps["roughness"][0, :, 0], torch.tensor([GREY + 20] * SIZE + [GREY] * SIZE) / 255)
+    assert torch.allclose(maps["diffuse"], torch.tensor(LINEAR), atol=1e-6)
+    red = np.zeros((SIZE // 2, SIZE // 2, 3), np.uint8)
+    red[:, SIZE // 4 :, 0] = 255
+    mixed = maps_of(material(tmp_path / "b", specular=red))["specular"][0, 0]
+    assert mixed[SIZE // 2 - 2 : SIZE // 2 + 2].tolist() == pytest.approx([0, 0.25 * 0.2126, 0.75 * 0.2126, 0.2126])
+
+
+def test_sides_may_be_rounded(tmp_path: Path) -> None:
+    wide = material(tmp_path, color=np.full((33, 100, 3), GREY, np.uint8), roughness=np.full((17, 50), GREY, np.uint8))
+    assert read_material(wide).shape == (8, 33, 100)
 
 
 def test_averages_are_taken_of_linear_values(tmp_path: Path) -> None:

@@ -50,6 +50,8 @@ KINDS = {
     "daylight": Kind("daylight or light of a room that nobody measured", "the colours"),
 }
 """Name of the sub-folder → kind of photographs, all but `grazing` from above."""
+TELLING = frozenset({"flash", "coloured", "overhead", "raking"})
+"""Kinds that tell every map, at least a little; the others hardly more than the colours."""
 OBSERVATIONS = (*MAPS, *KINDS)
 """Names of sub-folders: maps, and photographs by their light and camera."""
 FIRST = ("flash", "coloured", "ambient", "overhead")

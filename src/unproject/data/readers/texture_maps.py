@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import torch
@@ -24,7 +24,6 @@ SLOPE = 0.25  # RMS slope given to a height map, whose unit no file says
 OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
 COLOURED = 0.05  # mean difference of channels above which a picture is no grey map
 INWARD, STEEPEST = 0.5, 0.02  # share of a normal map's texels that may point inward; the least z any gets
-ASPECT = 0.01  # how far the shapes of two maps may differ, by rounding
 SHORTEST, LONGEST = 0.3, 1.5  # median length of its vectors: averaging rough surfaces shortens them
 
 
@@ -65,43 +64,41 @@ def pictures_of(textures: Textures) -> dict[str, Picture]:
     return pictures
 
 
-def in_one_size(folder: Path, pictures: Mapping[str, Picture]) -> dict[str, Picture]:
-    """Return pictures of the size of the colour map: area averages of larger ones, bilinear where they grow.
+def common_size(folder: Path, pictures: Mapping[str, Picture]) -> tuple[int, int]:
+    """Return height and width of the largest map.
 
     Raises:
-        UserError: for one of another shape.
+        UserError: if one is of another shape, by more than the rounding of a side.
     """
-    width, height = pictures["colour"].pixels.shape[1::-1]
-    for role, picture in pictures.items():
-        own = picture.pixels.shape[1::-1]
-        if abs(own[0] * height / (own[1] * width) - 1) > ASPECT:
+    shapes = {role: picture.pixels.shape[:2] for role, picture in pictures.items()}
+    largest = max(shapes, key=lambda role: shapes[role])
+    height, width = shapes[largest]
+    for role, (h, w) in shapes.items():
+        if min(abs(w - width * h / height), abs(h - height * w / width)) > 1:
             raise UserError(
-                f"{folder}: {role} is {own[0]} × {own[1]} pixels but colour is {width} × {height}; give all maps in "
-                "one shape"
+                f"{folder}: {role} is {w} × {h} pixels but {largest} is {width} × {height}; give all maps in one shape"
             )
-    return {role: _resampled(picture, height, width) for role, picture in pictures.items()}
+    return height, width
 
 
-def _resampled(picture: Picture, height: int, width: int) -> Picture:
-    own = picture.pixels.shape[:2]
-    if own == (height, width):
-        return picture
-    pixels = torch.from_numpy(np.moveaxis(picture.pixels, 2, 0).copy())[None]
-    how: dict[str, Any] = {"mode": "bilinear", "align_corners": False} if own[0] < height else {"mode": "area"}
-    return picture._replace(pixels=F.interpolate(pixels, (height, width), **how)[0].movedim(0, 2).numpy())
+def _at(size: tuple[int, int], x: Tensor) -> Tensor:
+    """Return a decoded map (C, h, w) at the size of the largest, bilinear."""
+    return x if x.shape[1:] == size else F.interpolate(x[None], size, mode="bilinear", align_corners=False)[0]
 
 
-def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Convention) -> dict[str, Tensor]:
-    """The four maps (1, C, H, W) by the formulas above."""
-    colour = _colour(textures.files["colour"], pictures["colour"], convention.colour)
+def maps_of(
+    textures: Textures, pictures: Mapping[str, Picture], convention: Convention, size: tuple[int, int]
+) -> dict[str, Tensor]:
+    """The four maps (1, C, H, W) by the formulas above, all of one size."""
+    colour = _at(size, _colour(textures.files["colour"], pictures["colour"], convention.colour))
     flat = torch.zeros_like(colour[:1])
     reflected, tinted = flat + DIELECTRIC, convention.specular == "colour"
     if "specular" in pictures:
         itself = {"roughness", "packed", "metallic"}.isdisjoint(pictures)
-        reflected = _reflectance(textures.file_of("specular"), pictures["specular"], itself)
-    grey = {role: _grey(textures.file_of(role), p) for role, p in pictures.items() if role in GREY}
+        reflected = _at(size, _reflectance(textures.file_of("specular"), pictures["specular"], itself))
+    grey = {role: _at(size, _grey(textures.file_of(role), p)) for role, p in pictures.items() if role in GREY}
     if "packed" in pictures:
-        _, rough, metallic = _channels(textures.files["packed"], pictures["packed"])
+        _, rough, metallic = _at(size, _channels(textures.files["packed"], pictures["packed"]))
         grey = {"roughness": rough[None], "metallic": metallic[None], **grey}
     metallic = grey.get("metallic", flat)
     f0 = torch.lerp(reflected, colour, metallic)
@@ -111,7 +108,7 @@ def maps_of(textures: Textures, pictures: Mapping[str, Picture], convention: Con
         "diffuse": colour * (1 - metallic),
         "specular": f0 if tinted else luminance(f0),
         "roughness": rough.clamp(min=SMOOTHEST),
-        "normal": _normal(textures, pictures, flat),
+        "normal": F.normalize(_at(size, _normal(textures, pictures, flat)), dim=0),
     }
     return {name: value[None] for name, value in maps.items()}
 

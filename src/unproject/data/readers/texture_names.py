@@ -4,7 +4,7 @@ Words are separated by _ - . and spaces, by digits, or by a capital after a smal
 `Wood027_1K_NormalGL.jpg` says wood, 027, 1, k, normal, gl. The last word that names a map decides, so that
 `painted_metal_rough_1k.png` is a roughness map. The short words `metal` and `rough` also name materials: they count
 only after the words that all pictures of the folder begin with, which are its name. A letter at the end, as in
-`T_Planks_D.png`, stands for a map if every picture of the folder names one then.
+`T_Planks_D.png`, stands for a map in a set with `T_Planks_N.png`.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ LETTERS = {
     "s": "specular",
     "n": "normal",
     "h": "height",
+    "a": "opacity",
     "e": "emissive",
     "o": "occlusion",
 }
@@ -53,6 +54,7 @@ UP = ("gl", "opengl", "ogl", "normalgl")  # green up the picture
 DOWN = ("dx", "directx", "normaldx")  # green down
 MAP_WORDS = {*ROLE_OF, *UP, *DOWN}
 LOOKED_FOR = "; ".join(f"{role}: {', '.join(words)}" for role, words in WORDS.items() if role != "unused")
+LOOKED_FOR += f"; or, where one ends in N, by the letters {', '.join(LETTERS).upper()} at their ends"
 
 
 @dataclass(frozen=True)
@@ -78,17 +80,37 @@ def words_of(name: str) -> list[str]:
 
 
 def words_of_all(files: Sequence[Path]) -> list[list[str]]:
-    """The words of each name, letters spelt out if so every one names a map: `chair_d.png` alone says nothing."""
+    """The words of each name, with the word that a letter at its end stands for in a set that has a normal map by it.
+
+    Without one `mug_d.png` and `mug_r.png` are two mugs; beside `mug_x.png` they are mugs too.
+    """
     words = [words_of(file.stem) for file in files]
-    spelt = [_spelt(said) for said in words]
-    return spelt if all(map(role_of, spelt)) else words
+    letters: dict[tuple[str, ...], set[str]] = {}
+    with_colour = set()
+    for said in words:
+        before, last = _name_and_last(said)
+        if len(last) == 1 and role_of(said, len(said)) is None:
+            letters.setdefault(before, set()).add(last)
+        elif role_of(said, len(said)) == "colour":
+            with_colour.add(tuple(word for word in before if word not in MAP_WORDS))
+    spelt = {
+        before
+        for before, own in letters.items()
+        if "n" in own <= LETTERS.keys() and ("d" in own or before in with_colour)
+    }
+    return [_spelt(said) if _name_and_last(said)[0] in spelt else said for said in words]
+
+
+def _name_and_last(words: list[str]) -> tuple[tuple[str, ...], str]:
+    """The words before the last, and the last before a resolution such as 2K or 1024."""
+    end = len(words) - 2 * (words[-1:] == ["k"])
+    end -= end == len(words) and len(words[-1]) in (3, 4) and words[-1].isdecimal()
+    return tuple(words[: end - 1]), words[end - 1] if end > 0 else ""
 
 
 def _spelt(words: list[str]) -> list[str]:
-    """Words with the word that a letter at the end stands for, before a resolution such as 2K."""
-    end = len(words) - 2 * (words[-1:] == ["k"])
-    last = words[end - 1 : end]
-    return [*words[: end - 1], LETTERS.get(last[0], last[0]), *words[end:]] if last else words
+    before, last = _name_and_last(words)
+    return [*before, LETTERS.get(last, last), *words[len(before) + 1 :]]
 
 
 def picture_names(folder: Path) -> list[Path]:

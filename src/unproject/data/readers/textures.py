@@ -10,8 +10,8 @@ A texture set in the metallic-roughness convention (base colour b, metallic w, r
 
 A specular map that is coloured is itself in the place of 0.04. In the specular-glossiness convention (glossiness,
 neither roughness nor metallic) a grey one is, too. Glossiness may be the alpha of a metallic or specular map. Without a
-normal map, n comes from the height map if there is one, else the surface is flat. Maps of other sizes than the colour
-map are resampled to it.
+normal map, n comes from the height map if there is one, else the surface is flat. Maps of several sizes are
+brought to the largest.
 
 `texture_names.py` says which file is which map.
 """
@@ -35,7 +35,7 @@ from .arrays import load_arrays
 from .exported import exported_maps, exported_note
 from .found import Found, check_size
 from .framing import centred_square
-from .texture_maps import DIELECTRIC, Convention, in_one_size, maps_of, pictures_of
+from .texture_maps import DIELECTRIC, Convention, common_size, maps_of, pictures_of
 from .texture_names import candidates, find_textures, holds_material, picture_names, sets_in
 
 
@@ -77,7 +77,8 @@ def _material(folder: Path, size: int | None, convention: Convention, files: Seq
         maps = exported_maps(folder, note, convention.specular == "colour")
     else:
         textures = find_textures(folder, convention.normal, files)
-        maps = maps_of(textures, in_one_size(folder, pictures_of(textures)), convention)
+        pictures = pictures_of(textures)
+        maps = maps_of(textures, pictures, convention, common_size(folder, pictures))
     return check_maps(_resized(pack_maps(maps), size), str(folder))[0]
 
 
