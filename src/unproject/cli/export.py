@@ -43,9 +43,9 @@ def run(
         source: A run directory, an .npz of `unproject sample`, or a folder of textures.
         out: The file (with the format's suffix; meshes stand side by side in one) or the folder to write.
         to: npz (arrays) and png (a picture) of any run; of shapes glb, obj and ply (meshes), vox (voxels) and gif (a
-            turntable); of materials maps (folders of PNG or EXR), mtlx or materialx (the same with MaterialX) and gltf or
-            glb (a .glb of planes); of a domain of your own what it exports (default: by the suffix of --out; of a folder glb of
-            shapes, maps of materials, png of images, else npz).
+            turntable); of materials maps (folders of PNG or EXR), mtlx or materialx (the same with MaterialX) and gltf
+            or glb (a .glb of planes); of a domain of your own what it exports (default: by the suffix of --out; of a
+            folder glb of shapes, maps of materials, png of images, else npz).
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
         only: Those of them with these numbers, as a png shows them, from 0; meshes and voxels keep the numbers.
