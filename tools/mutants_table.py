@@ -1718,10 +1718,10 @@ METRICS = (
         "cli/test_fit.py",
     ),
     mutant(
-        "digits: lines of any length are shifted alike",
+        "digits: images of any size are shifted alike",
         "recipes/digits.py",
-        "(panel.shape[-1] / SHIFTED if shifted",
-        "(2.0 if shifted",
+        "(size / SHIFTED if direct",
+        "(2.0 if direct",
         "recipes/test_digits.py",
     ),
     mutant(

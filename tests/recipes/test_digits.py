@@ -12,6 +12,7 @@ import torch
 
 from unproject._types import UserError
 from unproject.adversarial.augmentation import Shift
+from unproject.adversarial.penalties import R1R2
 from unproject.assignment import JointlyPredicted, Known, LearnedPrior, Panel, Predicted, Unassigned
 from unproject.data import digits as embedded
 from unproject.data.readers.images import fitted
@@ -206,14 +207,19 @@ def test_images_of_unknown_directions_are_where_all_lines_see_them(views: Views,
     assert bool((x[..., 0, 0] == 0).all() and (x[..., 1, 1] == 0).all()) == disc and bool((x[..., 8, :] > 0).all())
 
 
-def test_what_discriminators_see_is_shifted_by_a_sixteenth_of_its_width(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert digits(size=16, steps=1).augmentation == Shift(1.0)
+def test_images_that_discriminators_see_are_shifted_by_a_sixteenth_of_their_width() -> None:
+    assert digits(size=16, views="direct", steps=1).augmentation == Shift(1.0)
     assert digits(size=32, views="direct", steps=1).augmentation == Shift(2.0)
     assert digits(size=16, shift=0.5, views="predicted", steps=1).augmentation == Shift(0.5)
     assert digits(size=16, views="predicted", steps=1).augmentation is None
-    assert digits(size=16, shift=0.0, steps=1).augmentation is None
-    monkeypatch.setattr("unproject.recipes.digits.FEW", 1500)
-    assert digits(size=16, steps=1).augmentation is None and digits(size=16, views="direct", steps=1).augmentation
+    assert digits(size=16, steps=1).augmentation is None
+    assert digits(size=16, shift=0.0, views="direct", steps=1).augmentation is None
+
+
+def test_gradients_of_known_directions_are_penalised_most() -> None:
+    recipes = [digits(size=16, views=views, steps=1) for views in ("predicted", "known")]
+    unknown, known = (recipe.penalty for recipe in recipes)
+    assert isinstance(known, R1R2) and isinstance(unknown, R1R2) and known.gamma == pytest.approx(15 * unknown.gamma)
 
 
 def test_unknown_directions_are_predicted_all_along_by_one_who_knows_the_symmetry() -> None:
