@@ -1,7 +1,6 @@
 """Images from line integrals: the recipe of the paper's Part III, and a modern one.
 
-The arms of a comparison differ by `views`, and by defaults that follow it: what keeps known directions and images from
-smears loses unknown ones. `pairing` has the table.
+The arms of a comparison differ by `views`, and by what images of unknown directions need. `pairing` has the table.
 """
 
 from __future__ import annotations
@@ -34,9 +33,8 @@ DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
 ANCHOR_PENALTY = 10.0
 """Factor of the gradient penalty of anchors."""
-GAMMA = {"known": 0.3, "direct": 0.1}
-"""Weights of R1 and R2: with 0.02 few lines of known direction give smears, with 1 many give none as near."""
-UNKNOWN_GAMMA = 0.02
+GAMMA_OF_LINES, GAMMA_OF_IMAGES = 0.3, 0.1
+"""Weights of R1 and R2: with 0.02 lines give smears, with 1 many lines of known direction give images farther off."""
 SHIFTED = 16
 """Shifts go up to this part of the width: 2 of 32 pixels were better than 4."""
 
@@ -85,8 +83,7 @@ def digits(
         seed: of the weights, of every draw, and of the line integrals taken.
         channels: of the generator's 4² level.
         rate: learning rate at the start; it falls to a tenth along a cosine.
-        gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.3 of lines of known direction, 0.02
-            of unknown ones, 0.1 of images).
+        gamma: weight of R1 and R2, in units of the readings' deviation (default: 0.3 of lines, 0.1 of images).
         shift: shift all that the discriminator sees by up to so many pixels (default: a sixteenth of the width of
             images, of lines 0).
         information: weight of a preference for images whose directions can be predicted (`JointlyPredicted`), which has
@@ -106,7 +103,7 @@ def digits(
     direct = views == "direct"
     mean, deviation = readings(panel)
     unknown = views not in ("known", "direct")
-    gamma = GAMMA.get(views, UNKNOWN_GAMMA) if gamma is None else gamma
+    gamma = (GAMMA_OF_IMAGES if direct else GAMMA_OF_LINES) if gamma is None else gamma
     shift = (size / SHIFTED if direct else 0.0) if shift is None else shift
     return Recipe(
         generator=partial(SmoothImageGenerator, size=size, channels=channels, **({"disc": True} if unknown else {})),
