@@ -4179,8 +4179,8 @@ PHOTOGRAPHED = (
     mutant(
         "inspect: textures of meshes are materials",
         "data/material_inspection.py",
-        "    if any(file.suffix.lower() in SHAPES for file in below):",
-        "    if False:",
+        "not any(file.suffix.lower() in SHAPES for file in paths_below(path)) and holds_textures(path)",
+        "holds_textures(path)",
         "data/test_material_inspection.py::test_silhouettes_are_no_materials",
     ),
     mutant(
@@ -4589,7 +4589,7 @@ FINDINGS = (
         '{"largest": largest_part}', '{"largest": False}',
         "cli/test_export.py::test_meshes_are_one_surface_unless_all_parts_are_asked_for"),
     mutant("export: the name of a file does not tell the format", "cli/export.py",
-        "to = to or _format_of(out, found.domain)", "to = to or found.domain.written",
+        "_format_of(out, found.domain) if to is None", "found.domain.written if to is None",
         "cli/test_export.py::test_a_file_is_written_in_the_format_of_its_name"),
     mutant("export: chosen samples are numbered anew", "domains/volumes.py",
         'options["names"] = export.names_of(numbers)', "pass",

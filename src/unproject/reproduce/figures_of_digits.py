@@ -89,7 +89,8 @@ DIGITS = Figure(
         "23 November 2026 they start from initial directions, those of Gaussian images fitted to the lines.",
         "The arms of MNIST have the default flags of 1c1d91c, which differ where directions are unknown: no shifts, a "
         "fifth of the weight of R1 and R2, and images on the inscribed disc. Known directions were shifted, which of "
-        "60,000 lines costs. Since then no lines are, and their weight is 0.3 whatever is known. The disc, and no preference for images whose "
+        "60,000 lines costs. Since then no lines are, and their weight is 0.3 whatever is known. The disc, and no "
+        "preference for images whose "
         "directions can be told, were chosen on MNIST with seeds 0 to 2, so that these arms are no test of them.",
         "In the cpu budget networks of the paper's recipe are smaller, equally in both its arms: full ones take days "
         "there.",
