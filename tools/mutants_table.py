@@ -4282,27 +4282,6 @@ PHOTOGRAPHED = (
         "recipes/test_digits.py::test_pictures_that_fit_in_several_times_are_enlarged",
     ),
     mutant(
-        "textures: grain is displaced along itself",
-        "networks/texture_noise.py",
-        "_displaced(x, displacement[:, axis - 1], 3 - axis)",
-        "_displaced(x, displacement[:, axis - 1], axis)",
-        "networks/test_materials.py::test_grain_is_displaced_across_itself",
-    ),
-    mutant(
-        "textures: grain is paler where it lies between texels",
-        "networks/texture_noise.py",
-        "((1 - t) * before + t * after) / ((1 - t) ** 2 + t**2).sqrt()",
-        "(1 - t) * before + t * after",
-        "networks/test_materials.py::test_grain_is_displaced_across_itself",
-    ),
-    mutant(
-        "textures: displacements are not larger where texels are smaller",
-        "networks/texture_layers.py",
-        "return 2 * doubled(tiled(displacement, 1))",
-        "return doubled(tiled(displacement, 1))",
-        "networks/test_materials.py::test_displacements_are_smooth_and_of_one_size_for_a_material",
-    ),
-    mutant(
         "maps: photographs under any light tell all maps",
         "domains/maps.py",
         "(name in TELLING if name in KINDS else directed)",

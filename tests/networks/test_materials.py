@@ -10,8 +10,7 @@ import torch
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
-from unproject.networks.texture_layers import Bend, refined
-from unproject.networks.texture_noise import bent, normal_noise, stretched, white_noise
+from unproject.networks.texture_noise import normal_noise, stretched, white_noise
 from unproject.ops.maps import MAPS, check_maps, places, unpack_maps
 from unproject.testing import check_generator, run_laws
 
@@ -21,7 +20,7 @@ def made(kind: str, specular: int = 1) -> Generator:
         return (
             DCGANMaterials(16, channels=32, code_size=24, specular_channels=specular)
             if kind == "dcgan"
-            else StationaryMaterials(32, 24, places=3, channels=32, least=8, specular_channels=specular, bend=True)
+            else StationaryMaterials(32, 24, places=3, channels=32, least=8, specular_channels=specular)
         )
 
 
@@ -127,51 +126,6 @@ def test_half_of_the_noise_is_grain(times: int) -> None:
         for along, expected in ((axis, 7 / 8), (3 - axis, 0.0)):
             neighbour = (x[:, k] * x[:, k].roll(1, along)).mean().item()  # over the border too
             assert neighbour == pytest.approx(expected, abs=0.06)
-
-
-def test_grain_is_displaced_across_itself() -> None:
-    """By whole texels it is the same, over borders too; between them as varied; white noise stays where it is."""
-    noise = stretched(white_noise(torch.randn(40, 10, generator=generator_at(3)), 32, 8))
-    by = torch.zeros(40, 2, 32, 32)
-    by[:, 0], by[:, 1] = 3.0, -35.0
-    moved = bent(noise, by)
-    assert torch.equal(moved[:, :4], noise[:, :4]) and torch.equal(bent(noise, None), noise)
-    for k, (shift, axis) in enumerate([(-3, 2), (35, 1), (-3, 2), (35, 1)], 4):
-        assert torch.equal(moved[:, k], noise[:, k].roll(shift, axis)), k
-    smooth = refined(refined(4 * torch.randn(40, 2, 8, 8, generator=generator_at(4))))
-    torch.testing.assert_close(bent(noise, smooth).std((0, 2, 3)), torch.ones(8), atol=0.05, rtol=0)
-
-
-def test_displacements_learn() -> None:
-    """The derivative by where grain is, of grain as smooth as convolutions make it, is that of its slope."""
-    wave = torch.sin(2 * math.pi * torch.arange(64) / 64).expand(1, 8, 64, 64)
-    by = torch.full((1, 2, 64, 64), 1e-4, requires_grad=True)
-    bent(wave, by)[0, 4].mul(torch.cos(2 * math.pi * torch.arange(64) / 64)).sum().backward()
-    assert by.grad is not None and by.grad[0, 0].sum().item() == pytest.approx(64 * math.pi, rel=0.02)
-    assert by.grad[0, 1].abs().max() == 0
-
-
-def test_displacements_are_smooth_and_of_one_size_for_a_material() -> None:
-    bend, hidden = Bend(6, 16, start=0.5), torch.zeros(3, 6)
-    by = bend(torch.randn(3, 16, 8, 8, generator=generator_at(0)), hidden)
-    torch.testing.assert_close(by.square().mean((1, 2, 3)).sqrt(), torch.full((3,), 0.5), rtol=1e-3, atol=0)
-    twice = refined(by)
-    assert twice.shape == (3, 2, 16, 16)
-    torch.testing.assert_close(refined(by.roll((1, 2), (2, 3))), twice.roll((2, 4), (2, 3)))
-    torch.testing.assert_close(refined(torch.ones(1, 2, 4, 4)), torch.full((1, 2, 8, 8), 2.0))
-
-
-def test_grain_bends_by_features_where_it_is_asked_for() -> None:
-    with seeded(0):
-        straight = StationaryMaterials(32, 24, places=3, channels=32, least=8)
-    generator = made("stationary")
-    assert isinstance(generator, StationaryMaterials) and generator.bend is not None and straight.bend is None
-    code = generator.draw(1, generator_at(4))
-    with torch.no_grad():
-        generator.bend.amplitude.bias.fill_(-30.0)
-        torch.testing.assert_close(generator(code), straight(code))
-        generator.bend.amplitude.bias.fill_(1.0)
-        assert (generator(code) - straight(code)).abs().max() > 0.01
 
 
 def test_a_stationary_generator_has_no_origin() -> None:

@@ -19,8 +19,8 @@ from .._types import UserError, check_widths
 from ..ops.maps import normals_of, pack_maps
 from .blocks import ModulatedScale, upsampling_levels
 from .generators import Generator
-from .texture_layers import Bend, Pixelwise, TilingLevel, refined, shares, tiled, without_lattice
-from .texture_noise import bent, normal_noise, stretched, white_noise
+from .texture_layers import Pixelwise, TilingLevel, shares, tiled, without_lattice
+from .texture_noise import normal_noise, stretched, white_noise
 
 SCALED = ("diffuse", "specular", "roughness")
 LEAST_Z = 0.05
@@ -144,7 +144,7 @@ class StationaryMaterials(MaterialGenerator):
     tile; a map shifted by one place gives, apart from noise, the same material shifted by a quarter of its side. The
     vector scales and shifts every level. Each level adds noise, drawn from the map, so that equal codes give equal
     materials and a material changes smoothly with the vector. A level mixes several independent sources of noise, so
-    that maps need not be correlated; half of the sources are grain, stretched along a row or a column, which may bend.
+    that maps need not be correlated; half of the sources are grain, stretched along a row or a column.
 
     Since nothing depends on where it is, samples of any multiple of the side can be made (`at_size`): the map has as
     many more places, and texels are as large as in training. Nothing repeats within, and the whole tiles.
@@ -163,7 +163,6 @@ class StationaryMaterials(MaterialGenerator):
         fields: channels at full size.
         least: see `channels`.
         specular_channels: 1, or 3 for a coloured specular albedo.
-        bend: displace the grain of all levels after the first by one smooth field (`Bend`).
 
     References:
         Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from).
@@ -188,7 +187,6 @@ class StationaryMaterials(MaterialGenerator):
         fields: int = 16,
         least: int = 48,
         specular_channels: int = 1,
-        bend: bool = False,
     ) -> None:
         widths = {"code_size": code_size, "places": places, "channels": channels, "sources": sources, "fields": fields}
         check_widths(type(self).__name__, **widths, least=least)
@@ -212,7 +210,6 @@ class StationaryMaterials(MaterialGenerator):
         for branch, own in zip(self.branches.values(), shares(fields, len(self.branches)), strict=True):
             assert isinstance(branch, Pixelwise)
             branch.begin_with(own)
-        self.bend = Bend(hidden, widths[1]) if bend and levels else None
 
     def forward(self, code: Tensor) -> Tensor:
         return self.synthesise(self.map_code(code))
@@ -253,11 +250,9 @@ class StationaryMaterials(MaterialGenerator):
         noise = [stretched(part, times) for part in white]
         hidden = self.mapping(vector)
         x = self.start(tiled(places, 1).contiguous(memory_format=torch.channels_last))
-        x, displacement = F.relu(self.first(x, hidden)), None
+        x = F.relu(self.first(x, hidden))
         for level, drawn in zip(self.common, noise[:-1], strict=True):
-            x = level(x, hidden, bent(drawn, displacement))
-            if self.bend is not None:
-                displacement = refined(self.bend(x, hidden) if displacement is None else displacement)
+            x = level(x, hidden, drawn)
         fields = F.pixel_shuffle(without_lattice(self.last(tiled(x, 1))), 2)
-        fields = fields + F.conv2d(bent(noise[-1], displacement), self.strength[:, :, None, None])
+        fields = fields + F.conv2d(noise[-1], self.strength[:, :, None, None])
         return self.maps(vector, {name: branch(fields, hidden) for name, branch in self.branches.items()})

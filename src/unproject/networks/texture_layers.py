@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -54,39 +52,6 @@ class Pixelwise(nn.Module):
 
     def forward(self, fields: Tensor, hidden: Tensor) -> Tensor:
         return self.last(F.leaky_relu(self.norm(self.mix(fields), hidden), 0.2)).contiguous()
-
-
-class Bend(nn.Module):
-    """Displacements d of grain (B, 2, H, W), across and down, in texels: smooth, of one amplitude for the material.
-
-        d = softplus(a · h) w / rms(w)      w: a convolution of features, without its mean; h: the vector
-
-    Grain of wood is hardly ever straight, and levels of a few texels cannot bend lines that go from edge to edge. Since
-    the amplitude is a number, what discriminators say of how much lines bend reaches it from every texel.
-
-    Args:
-        hidden: length of the vector.
-        channels: of the features.
-        start: amplitude before training: 0.4 of 8² places are 3 texels of 64.
-    """
-
-    def __init__(self, hidden: int, channels: int, start: float = 0.4) -> None:
-        super().__init__()
-        self.convolution = nn.Conv2d(channels, 2, 3, bias=False)
-        self.amplitude = nn.Linear(hidden, 1)
-        nn.init.normal_(self.amplitude.weight, std=hidden**-0.5)
-        nn.init.constant_(self.amplitude.bias, math.log(math.expm1(start)))
-
-    def forward(self, x: Tensor, hidden: Tensor) -> Tensor:
-        w = self.convolution(tiled(x, 1))
-        w = w - w.mean((2, 3), keepdim=True)
-        size = (w.square().mean((1, 2, 3), keepdim=True) + 1e-6).rsqrt()
-        return w * size * F.softplus(self.amplitude(hidden))[:, :, None, None]
-
-
-def refined(displacement: Tensor) -> Tensor:
-    """Return periodic displacements at twice the size, in its texels."""
-    return 2 * doubled(tiled(displacement, 1))[:, :, 2:-2, 2:-2]
 
 
 class TilingLevel(nn.Module):

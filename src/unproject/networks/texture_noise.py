@@ -36,30 +36,6 @@ def stretched(white: Tensor, times: int = 1) -> Tensor:
     return torch.stack([_stretched(x, *GRAIN[k % len(GRAIN)], times) for k, x in enumerate(white.unbind(1))], 1)
 
 
-def bent(noise: Tensor, displacement: Tensor | None) -> Tensor:
-    """Return noise (B, sources, S, S) whose grain is displaced across itself by (B, 2, S, S) texels, across and down.
-
-    Other sources stay as they are, and all do without displacements.
-    """
-    if displacement is None:
-        return noise
-    parts = []
-    for k, x in enumerate(noise.unbind(1)):
-        axis, share = GRAIN[k % len(GRAIN)]
-        parts.append(_displaced(x, displacement[:, axis - 1], 3 - axis) if share else x)
-    return torch.stack(parts, 1)
-
-
-def _displaced(x: Tensor, by: Tensor, axis: int) -> Tensor:
-    """Sample periodic white noise (B, S, S) along an axis, displaced by (B, S, S), between texels at unit deviation."""
-    place = torch.arange(x.shape[axis], device=x.device, dtype=by.dtype)
-    at = by + (place[:, None] if axis == 1 else place)
-    first = at.detach().floor()
-    t = at - first
-    before, after = (x.gather(axis, (first + step).long() % x.shape[axis]) for step in (0, 1))
-    return ((1 - t) * before + t * after) / ((1 - t) ** 2 + t**2).sqrt()
-
-
 def _stretched(x: Tensor, axis: int, share: float, times: int) -> Tensor:
     """Average white noise (B, S, S) along an axis over a share of the side of training, at the same deviation."""
     if share == 1:

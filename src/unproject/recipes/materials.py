@@ -86,7 +86,6 @@ def materials(
     matching: float = 2.0,
     flips: bool = False,
     coloured_specular: bool = False,
-    bend: bool = True,
     **options: Unpack[Options],
 ) -> Recipe:
     """Materials from any mix of maps and photographs, for a laptop.
@@ -120,7 +119,6 @@ def materials(
             where the discriminators' loss has 1, at the start; it falls to a quarter. 0: none.
         flips: learn from mirror images too, of maps and of those photographs whose light allows it.
         coloured_specular: give the specular albedo three channels, as of gold and copper; steps take longer.
-        bend: let grain bend, by an amount that is learned.
         options: fields of `Recipe`.
     """
     options = {"batch": 8, "checkpoint_every": 250, **options}
@@ -136,7 +134,7 @@ def materials(
     weights = Weights(photograph_weight, natural, penalty_scale)
     light = Light(probes, samples)
     return Recipe(
-        generator=partial(StationaryMaterials, size=size, channels=channels, bend=bend, **colours),
+        generator=partial(StationaryMaterials, size=size, channels=channels, **colours),
         discriminator=partial(TextureDiscriminator, channels=discriminator_channels, group=options.get("batch")),
         panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),
