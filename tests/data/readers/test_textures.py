@@ -113,7 +113,9 @@ def test_a_letter_at_the_end_is_a_map_in_a_set_with_a_normal_map(tmp_path: Path)
     assert find_textures(lettered(tmp_path / "c", "rock_bc", "rock_n", "rock_orm")).files.keys() >= {"colour", "normal"}
     words = ("brick_color_s", "brick_roughness_s", "brick_normal_s")
     assert find_textures(lettered(tmp_path / "d", *words)).files.keys() == {"colour", "roughness", "normal"}
-    for k, names in enumerate((("mug0_d", "mug0_r"), ("cup_d", "cup_n", "cup_r", "cup_x"), ("n", "d", "x"))):
+    nameless = ("图", "__", "k", "2k", "512")
+    objects = (("mug0_d", "mug0_r"), ("cup_d", "cup_n", "cup_r", "cup_x"), ("n", "d", "x"), nameless)
+    for k, names in enumerate(objects):
         assert not holds_material(lettered(tmp_path / f"objects{k}", *names))
 
 

@@ -104,13 +104,13 @@ def words_of_all(files: Sequence[Path]) -> list[list[str]]:
 def _name_and_last(words: list[str]) -> tuple[tuple[str, ...], str]:
     """The words before the last, and the last before a resolution such as 2K or 1024."""
     end = len(words) - 2 * (words[-1:] == ["k"])
-    end -= end == len(words) and len(words[-1]) in (3, 4) and words[-1].isdecimal()
-    return tuple(words[: end - 1]), words[end - 1] if end > 0 else ""
+    end -= end == len(words) > 0 and len(words[-1]) in (3, 4) and words[-1].isdecimal()
+    return (tuple(words[: end - 1]), words[end - 1]) if end > 0 else ((), "")
 
 
 def _spelt(words: list[str]) -> list[str]:
     before, last = _name_and_last(words)
-    return [*before, LETTERS.get(last, last), *words[len(before) + 1 :]]
+    return [*before, LETTERS[last], *words[len(before) + 1 :]] if last in LETTERS else words
 
 
 def picture_names(folder: Path) -> list[Path]:
