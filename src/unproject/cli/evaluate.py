@@ -45,8 +45,8 @@ def run(
     Args:
         path: the run directory.
         reference: held-out shapes, images or materials; or silhouettes, line integrals, or photographs of materials in
-            sub-folders by their light (default: for runs without
-            --data, held-out samples of the recipe's own data set).
+            sub-folders by their light (default: for runs without --data, held-out samples of the recipe's own data
+            set).
         n: how many samples to score (default: 256 shapes, 2000 images or 500 materials).
         seed: of the samples and of the measurement.
         ceiling: also train a view predictor on the known views, as an upper bound.

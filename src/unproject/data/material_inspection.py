@@ -70,8 +70,8 @@ def _of_textures(path: Path, size: int, strict: bool) -> Inspection:
         stray = pictures_of_no_map(path, places)
         rows += [(file.relative_to(path).as_posix(), "", "", "its name is no map's") for file in stray]
         stored = {name: _stored_size(*places[name]) for name in whole.names}
-        sizes = {name: pixels(size) for name, size in stored.items() if size is not None}
-        small = [name for name, size in stored.items() if size is not None and min(size) < side]
+        sizes = {name: pixels(own) for name, own in stored.items() if own is not None}
+        small = [name for name, own in stored.items() if own is not None and min(own) < side]
         if small:
             notes.append(f"{len(small)} of them are smaller and were enlarged: {', '.join(small[:NAMED])}")
     rows += [(name, sizes.get(name, texels), "material", "used") for name in whole.names]

@@ -153,9 +153,10 @@ def pictures_of_no_map(path: Path, places: Mapping[str, Place]) -> list[Path]:
     """Return the pictures in and below a folder that lie in none of these places, or whose names are no maps'."""
     named: set[Path] = set()
     for folder, files in places.values():
-        said = exported_note(folder) is not None or not holds_material(folder)
-        roles = {} if said else candidates(folder, files)
-        named |= {*picture_names(folder)} if said else {file for role in roles.values() for file in role}
+        if exported_note(folder) is not None or not holds_material(folder):  # its note, or why it is skipped, says all
+            named |= {*picture_names(folder)}
+        else:
+            named |= {file for role in candidates(folder, files).values() for file in role}
     folders = {path, *(folder for folder in paths_below(path) if folder.is_dir())}
     return sorted({file for folder in folders for file in picture_names(folder)} - named)
 
