@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from PIL import Image
 
 MOST_PIXELS, LONGEST = 2**27, 2**15  # 11600², and pixels a side: larger ones are mistakes or bombs
+OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
+BITS_PER_SAMPLE = 258  # TIFF's tag
 MOST_SHOWN = 2**24
 """Pixels of which more make a displayed picture be read at half its size, or a third, ..."""
 Depth = Literal["uint8", "uint16", "half", "float"]
@@ -219,7 +221,9 @@ def _cause(error: BaseException) -> str:
 def _displayed(picture: Image.Image) -> np.ndarray:
     from PIL import ImageOps
 
+    _check_one(picture)
     if picture.mode.startswith(("I", "F")):
+        _check_depth(picture)
         return _deep(ImageOps.exif_transpose(picture))
     transparent = "A" in picture.getbands() or "transparency" in picture.info
     grey = picture.mode in ("1", "L", "LA")
@@ -230,6 +234,25 @@ def _displayed(picture: Image.Image) -> np.ndarray:
     return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
+def _check_one(picture: Image.Image) -> None:
+    """Refuse stacks and animations, of which the first frame would pass for all; a thumbnail is no further frame."""
+    if picture.format not in ("TIFF", "WEBP", "PNG"):  # telephones put two pictures into a .jpg
+        return
+    frames, size = getattr(picture, "n_frames", 1), picture.size
+    if frames > 1:
+        picture.seek(1)
+        if picture.size == size:
+            raise UnusablePicture(f"holds {frames} frames; save each as a picture of its own")
+        picture.seek(0)
+
+
+def _check_depth(picture: Image.Image) -> None:
+    """Refuse integers of 32 bits, of which nothing says what stands for white."""
+    bits = getattr(picture, "tag_v2", {}).get(BITS_PER_SAMPLE, (16,))
+    if picture.mode == "I" and max(bits) > 16:
+        raise UnusablePicture(f"holds integers of {max(bits)} bits; save them as 8 or 16 bits, or as floats in [0, 1]")
+
+
 def _deep(picture: Image.Image) -> np.ndarray:
     """16-bit integers are shares of 65535, as PNG and TIFF mean them; floats are as they are."""
     if picture.width * picture.height > 2 * MOST_SHOWN:
@@ -237,4 +260,6 @@ def _deep(picture: Image.Image) -> np.ndarray:
     values = np.asarray(picture, dtype=np.float32)[..., None]
     if not np.isfinite(values).all():
         raise UnusablePicture("unreadable: has values that are NaN or infinite")
+    if picture.mode == "F" and (values.min() < -OVERSHOOT or values.max() > 1 + OVERSHOOT):
+        raise UnusablePicture(f"values run from {values.min():.3g} to {values.max():.3g}; scale them to [0, 1]")
     return np.clip(values / (1.0 if picture.mode == "F" else 65535.0), 0, 1)

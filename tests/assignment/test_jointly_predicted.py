@@ -249,3 +249,15 @@ def test_a_little_of_the_balance_is_always_left() -> None:
     wanted = own ** (1 - max(LEAST_BALANCE, 1 - known))
     assert 1 - known < LEAST_BALANCE
     torch.testing.assert_close(found, wanted / wanted.sum(), atol=2e-3, rtol=0)
+
+
+def test_views_are_mirrored_to_views_that_are_there() -> None:
+    with pytest.raises(UserError, match=r"mirrored=\(0, 1\)\): give each of 0 to 5, the observations, once"):
+        panel = begun().panel
+        replace(panel, assignment=JointlyPredicted(fit=replace(FIT, mirrored=(0, 1)))).assignment.begin(panel, 0)
+
+
+def test_no_gradient_is_asked_for_through_a_threshold() -> None:
+    with pytest.raises(UserError, match="no gradient passes through binarise"):
+        JointlyPredicted(fit=replace(FIT, binarise=True))
+    assert JointlyPredicted(fit=replace(FIT, binarise=True), weight=0).weight == 0

@@ -17,10 +17,11 @@ from PIL import Image
 from unproject._types import UserError
 from unproject.cli import main
 from unproject.data import Collection, chairs
+from unproject.domains import Images
 from unproject.inversion import Search, Viewing
 from unproject.metrics import Gauge, apply
 from unproject.projections import Silhouette, azimuth_bins
-from unproject.training import Run, load
+from unproject.training import load
 from unproject.training.fitted_pictures import Frame, given_view, known_views, observed, view_of
 from unproject.training.fitting import viewing_of
 
@@ -267,8 +268,12 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     unit = panels[0].observations[0].projection.unit  # pyright: ignore[reportAttributeAccessIssue]
     assert unit == pytest.approx(100, rel=0.05)
     compared: list[torch.Tensor] = []
-    monkeypatch.setattr(Run, "evaluate", lambda self, against, **_: compared.append(against) or {})
-    assert main(["evaluate", str(run), "--reference", str(scan)]) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(Images, "projection_scores", lambda self, y, against, *_: compared.append(against) or {})
+        assert main(["evaluate", str(run), "--reference", str(scan), "--n", "8"]) == 0
+        opened.evaluate(Collection.lines(scan), n=8)
+    compared = [found for found in compared if len(found) == len(readings) * 3]
+    assert len(compared) >= 2
     viewing = viewing_of(opened.assignments(opened.recipe())[0])
     compared.append(observed(opened, [scan], viewing).floats())
     learned = torch.cat([collection.floats() for panel in panels for collection in panel.collections])

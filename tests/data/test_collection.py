@@ -208,3 +208,9 @@ def test_framed_pictures_keep_8_bits_of_coverage(tmp_path: Path) -> None:
     coverage: Tensor = found.floats()
     assert found.items.dtype == torch.uint8 and found.white == 255
     assert float(coverage.mean()) == pytest.approx(0.85**2 * 31 / 37, abs=1 / 255)
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.int64, np.uint16])
+def test_integers_of_which_nothing_says_what_is_white_are_refused(kind: type) -> None:
+    with pytest.raises(UserError, match="memory: is of type u?int.*; give bool, uint8 or floats"):
+        Collection(np.full((2, 1, 8, 8), 255, kind))

@@ -30,7 +30,7 @@ def honest() -> Evidence:
     generated, views = silhouettes(chairs(64, SIZE, seed=1), 1)
     real, real_views = silhouettes(chairs(64, SIZE, seed=2), 2)
     others, _ = silhouettes(chairs(64, SIZE, seed=3), 3)
-    return Evidence(generated, views, real, real_views, others, torch.ones(N, N, dtype=torch.bool))
+    return Evidence(generated, views, real, real_views, others, torch.ones(N, N, dtype=torch.bool), silhouettes=True)
 
 
 def words(seen: Evidence) -> dict[str, str]:
@@ -52,7 +52,7 @@ def test_heaps_do_not_match(honest: Evidence) -> None:
 def test_discs_do_not_match_cars() -> None:
     """Bodies of revolution as wide as cars are long, or as narrow as they are wide."""
     (generated, views), (real, known), (others, _) = (silhouettes(cars(64, SIZE, seed=k), k) for k in range(3))
-    seen = Evidence(generated, views, real, known, others, torch.ones(N, N, dtype=torch.bool))
+    seen = Evidence(generated, views, real, known, others, torch.ones(N, N, dtype=torch.bool), silhouettes=True)
     assert set(words(seen).values()) == {"good"}
     angles = torch.arange(16) * 2 * torch.pi / 16
     turned = torch.stack([rotate_y(cars(64, SIZE, seed=0), angle.expand(64)) for angle in angles]).mean(0)
@@ -93,11 +93,11 @@ def test_too_few_pictures_are_no_evidence(honest: Evidence) -> None:
 def test_other_domains_are_judged_by_their_match() -> None:
     lines, apart = torch.rand(3, 32, 1, 8, generator=torch.Generator().manual_seed(0)), torch.ones(32, 32).bool()
     none = torch.zeros(32, dtype=torch.long)
-    seen = Evidence(lines[0], none, lines[1], None, lines[2], apart)
+    seen = Evidence(lines[0], none, lines[1], None, lines[2], apart, silhouettes=False)
     assert {f.name: f.word for f in Images().picture_findings(seen)} == {"match": "good", "variety": "good"}
     assert Images().picture_findings(replace(seen, generated=lines[0] + 3))[0].word == "failed"
     maps = torch.rand(3, 32, 3, 16, 16, generator=torch.Generator().manual_seed(0))
-    seen = Evidence(maps[0], none, maps[1], None, maps[2], apart)
+    seen = Evidence(maps[0], none, maps[1], None, maps[2], apart, silhouettes=False)
     assert [f.word for f in Maps().picture_findings(seen)] == ["good"]
     assert Maps().picture_findings(replace(seen, generated=maps[0] / 4))[0].word != "good"
 

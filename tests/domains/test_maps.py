@@ -23,7 +23,8 @@ from unproject.recipes.material_panels import observation_of, standardised_panel
 
 def match(generated: Tensor, real: Tensor, others: Tensor, apart: Tensor) -> float:
     views = torch.zeros(len(generated), dtype=torch.long)
-    (finding,) = Maps().picture_findings(Evidence(generated, views, real, None, others, apart), seed=0)
+    seen = Evidence(generated, views, real, None, others, apart, silhouettes=False)
+    (finding,) = Maps().picture_findings(seen, seed=0)
     return finding.score.value
 
 

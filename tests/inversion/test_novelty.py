@@ -20,7 +20,7 @@ def pictures(count: int, seed: int) -> torch.Tensor:
 
 def test_new_pictures_of_the_kind_are_known_and_others_are_not() -> None:
     train, held_out, new = pictures(100, 0), pictures(40, 1), pictures(40, 2)
-    novelty = Novelty.fitted(train, held_out, steps=120)
+    novelty = Novelty.fitted(train, held_out, steps=120, masks=True)
     assert (novelty.p_values(new) < DOUBTFUL).float().mean() < 0.15
     others = observe(cars(40, 16), azimuth_bins(8, Silhouette(size=16)), each=4).floats()
     assert (novelty.p_values(others) < DOUBTFUL).float().mean() > 0.4
@@ -30,7 +30,7 @@ def test_new_pictures_of_the_kind_are_known_and_others_are_not() -> None:
 
 
 def test_either_number_is_enough() -> None:
-    novelty = Novelty.fitted(pictures(60, 0), pictures(40, 1), steps=20)
+    novelty = Novelty.fitted(pictures(60, 0), pictures(40, 1), steps=20, masks=True)
     far = torch.full((1, 1, 16, 16), 0.5)
     numbers = novelty.strangeness(far)
     for k in range(2):
@@ -52,7 +52,7 @@ def _p(novelty: Novelty, numbers: torch.Tensor) -> float:
 
 def test_lines_are_compared_by_their_proportions() -> None:
     lines = torch.rand(200, 1, 16, generator=torch.Generator().manual_seed(0))
-    novelty = Novelty.fitted(lines[:150], lines[150:])
+    novelty = Novelty.fitted(lines[:150], lines[150:], masks=False)
     assert novelty.network is None
     assert novelty.p_values(lines[:1])[0] > 0.02 and novelty.p_values(5 * lines[:1])[0] == pytest.approx(1 / 51)
 
@@ -84,11 +84,11 @@ def test_components_of_many_pictures_are_nearly_those_of_all(monkeypatch: pytest
     rng = torch.Generator().manual_seed(3)
     pictures = torch.randn(200, 60, generator=rng) / torch.arange(1, 61) @ torch.randn(60, 1024, generator=rng)
     pictures = pictures.view(200, 1, 32, 32)
-    exact = Novelty.fitted(pictures, pictures[:50], steps=1)
+    exact = Novelty.fitted(pictures, pictures[:50], steps=1, masks=True)
     monkeypatch.setattr(module, "EXACT", 8)
     state = torch.get_rng_state()
-    quick = Novelty.fitted(pictures, pictures[:50], steps=1)
+    quick = Novelty.fitted(pictures, pictures[:50], steps=1, masks=True)
     assert torch.equal(state, torch.get_rng_state())
     torch.testing.assert_close(quick.held_out[:, 0], exact.held_out[:, 0], rtol=0.05, atol=0)
     monkeypatch.setattr(module, "MOST", 64 * 32 * 32)
-    assert Novelty.fitted(pictures, pictures[:50], steps=1).axes.shape == (32, 1024)
+    assert Novelty.fitted(pictures, pictures[:50], steps=1, masks=True).axes.shape == (32, 1024)

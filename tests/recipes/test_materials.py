@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any, Literal
 
@@ -398,9 +399,10 @@ def test_a_run_is_scored_by_photographs_that_were_held_out(tmp_path: Path, capsy
     (tmp_path / "own" / "daylight").rename(tmp_path / "others" / "daylight")
     assert main(["evaluate", run, "--reference", str(tmp_path / "others")]) == 2
     assert "holds pictures of daylight, but the run saw flash, diffuse; give some" in capsys.readouterr().err
+    shutil.copytree(tmp_path / "own", tmp_path / "few")
     for k in range(1, 8):
-        (tmp_path / "own" / "flash" / f"{k}.png").unlink()
-    assert main(["evaluate", run, "--reference", str(tmp_path / "own")]) == 2
+        (tmp_path / "few" / "flash" / f"{k}.png").unlink()
+    assert main(["evaluate", run, "--reference", str(tmp_path / "few")]) == 2
     assert "flash: holds one picture that can be used; give two at least" in capsys.readouterr().err
 
 
@@ -417,3 +419,28 @@ def test_probes_that_light_nothing_are_warned_of(tmp_path: Path) -> None:
         assert natural_light(["diffuse", "flash"], tmp_path / "missing") is None
     with pytest.raises(UserError, match="missing"):
         natural_light(["top"], tmp_path / "missing")
+
+
+def test_fewer_than_none_are_refused(tmp_path: Path) -> None:
+    for name in ("maps", "renderings"):
+        with pytest.raises(UserError, match="-3 images of a kind: give 0 or more"):
+            wood_materials(steps=1, size=32, **{name: -3})
+
+
+def test_direct_training_on_photographs_says_what_it_needs(tmp_path: Path) -> None:
+    (tmp_path / "flash").mkdir()
+    for k in range(2):
+        Image.fromarray(np.full((64, 64, 3), 90 + k, np.uint8)).save(tmp_path / "flash" / f"{k}.png")
+    with pytest.raises(UserError, match="holds pictures of materials; direct training needs materials"):
+        wood_materials(data=tmp_path, views="direct", steps=1, size=32)
+
+
+def test_another_batch_keeps_real_and_generated_images_apart(tmp_path: Path) -> None:
+    """Deviations are over images of one kind, whatever the batch; and such a run is resumed by its folder."""
+    recipe = wood_materials(maps=8, renderings=8, steps=1, size=32, channels=16, batch=4).replace(batch=6)
+    assert {discriminator.group for discriminator in State(recipe, torch.device("cpu")).discriminators} == {6}
+    assert resume(train(recipe, tmp_path / "run", quiet=True).path, steps=2, quiet=True).step == 2
+    described = json.loads((tmp_path / "run" / "recipe.json").read_text())
+    described["resolved"]["discriminator"]["arguments"]["group"] = 6  # as of before 28 November 2026
+    (tmp_path / "run" / "recipe.json").write_text(json.dumps(described))
+    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3

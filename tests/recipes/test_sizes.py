@@ -7,6 +7,7 @@ import json
 import shutil
 import struct
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,8 @@ def folder(path: Path, *sides: tuple[int, int]) -> Path:
 
 
 def generator_size(recipe: Recipe) -> int:
-    return recipe.generator().sample(1).shape[-1]
+    assert isinstance(recipe.generator, partial)
+    return recipe.generator.keywords["size"]
 
 
 @pytest.mark.parametrize(

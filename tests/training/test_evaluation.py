@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from toy import BINS, CHAIRS, SIZE, only_panel, toy
@@ -17,11 +18,12 @@ from unproject.data import Collection, chairs, observe
 from unproject.domains import Images, Volumes
 from unproject.metrics import Gauge
 from unproject.projections import Silhouette, azimuth_bins
+from unproject.recipes import find
 from unproject.training import Run, load, train
 from unproject.training.distribution import Distribution
 from unproject.training.evaluation import supervised_ceiling, true_views
 from unproject.training.fitted_pictures import Frame
-from unproject.training.fitting import of_different_kinds
+from unproject.training.fitting import by_name, of_different_kinds
 
 RECIPE = toy(steps=4)
 
@@ -190,6 +192,24 @@ def test_panels_of_other_projections_are_of_other_kinds() -> None:
     assert of_different_kinds([small, large]) == [small, large]
     assert of_different_kinds([some, small]) == of_different_kinds([small, some]) == [small]
     assert of_different_kinds([small, again, some]) == [small]
+    assert by_name([small, again, large]) == {"azimuth-00": small, "azimuth-00-2": large}
+
+
+def test_of_anchors_beside_lines_of_unknown_direction_the_lines_are_scored(tmp_path: Path) -> None:
+    rng, anchors = np.random.default_rng(0), tmp_path / "anchors.npz"
+    np.savez(anchors, lines=rng.random((9, 16)).astype(np.float32) / 2, angle=np.zeros(9))
+    np.savez(tmp_path / "images.npz", images=rng.random((40, 1, 16, 16)).astype(np.float32))
+    given = {"data": tmp_path / "images.npz", "size": 16, "bins": 2, "batch": 4, "channels": 8, "tries": 1}
+    recipe = find("digits")(views="predicted", anchors=anchors, steps=1, **given)
+    scores = train(recipe, tmp_path / "run", quiet=True).evaluate(n=32)
+    assert scores["frechet_line"].protocol.count("40 training images") == 1
+    assert not any("direction" in name for name in scores)
+
+
+def test_fewer_than_one_sample_is_no_score(run: Run) -> None:
+    for n in (0, -1):
+        with pytest.raises(UserError, match=f"n={n} samples: give at least 1"):
+            run.evaluate(n=n, recipe=RECIPE)
 
 
 def test_an_odd_number_of_views_is_scored_without_views(tmp_path: Path) -> None:

@@ -15,8 +15,10 @@ import torch
 from toy import toy
 
 from unproject import _files
+from unproject._types import UserError
 from unproject.ops import _builds, _native
 from unproject.training import resume, run_directory, train
+from unproject.training.distribution import Distribution
 from unproject.training.estimate import _left_to_container, available_memory
 from unproject.training.signals import stop_request
 
@@ -96,3 +98,15 @@ def test_processes_of_one_machine_share_its_memory(monkeypatch: pytest.MonkeyPat
     monkeypatch.delenv("LOCAL_WORLD_SIZE")
     alone = available_memory(torch.device("cpu"))
     assert shared is None or alone is None or shared < alone / 500
+
+
+def test_processes_that_nobody_started_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some clusters set the number of processes for each one."""
+    for name in ("RANK", "MASTER_ADDR", "MASTER_PORT"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    with pytest.raises(UserError, match="WORLD_SIZE=2 is set, but not RANK, MASTER_ADDR, MASTER_PORT"):
+        Distribution("cpu")
+    monkeypatch.setenv("WORLD_SIZE", "two")
+    with pytest.raises(UserError, match="WORLD_SIZE='two': is no number of processes"):
+        Distribution("cpu")

@@ -159,3 +159,23 @@ def test_a_run_that_begins_with_weights_stays(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(MemoryError):
         train(toy(steps=2), tmp_path / "second", start=tmp_path / "first", quiet=True)
     assert (tmp_path / "second" / "recipe.json").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["samples/mine.png", "checkpoints/mine", "environment.json", "stats.jsonl", "report.html"]
+)
+def test_nothing_of_somebody_else_is_written_over(tmp_path: Path, name: str) -> None:
+    mine = tmp_path / name
+    mine.parent.mkdir(exist_ok=True)
+    mine.write_text('{"mine": 1}')
+    with pytest.raises(UserError, match=f"{name.split('/')[0]}: is there already, and a run would overwrite it"):
+        train(toy(steps=1), tmp_path, quiet=True)
+    assert mine.read_text() == '{"mine": 1}' and not (tmp_path / "recipe.json").exists()
+
+
+def test_what_a_killed_start_leaves_is_no_hindrance(tmp_path: Path) -> None:
+    for folder in ("checkpoints", "samples"):
+        (tmp_path / folder).mkdir()
+    write_json(tmp_path / "environment.json", environment())
+    (tmp_path / "notes.txt").write_text("mine")
+    assert train(toy(steps=1), tmp_path, quiet=True).step == 1 and (tmp_path / "notes.txt").exists()

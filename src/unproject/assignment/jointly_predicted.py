@@ -81,6 +81,10 @@ class JointlyPredicted(Predicted):
                 f"JointlyPredicted(weight={self.weight:g}, fall={self.fall}, margin={self.margin:g}, "
                 f"rate={self.rate:g}): give a weight of 0 or more, 0 <= begin < end, a positive margin and rate"
             )
+        if self.weight and self.fit.binarise:
+            raise UserError(
+                "JointlyPredicted: no gradient passes through binarise; give a weight of 0, or leave it out"
+            )
 
     def begin(self, panel: Panel, seed: int) -> JointlyPredictedState:
         collection = shared_collection(panel.collections, panel.observations, "JointlyPredicted")
@@ -92,7 +96,8 @@ class JointlyPredictedState(PredictedState):
     """The predictor, its optimiser, and what it knows.
 
     Attributes:
-        trained: the predictor that is trained at every step. `predictor`, which assigns images, is the moving average
+        trained: the predictor that is trained at every step, on projections as discriminators see them: moved where
+            there is an augmentation, as `of_fakes` is. `predictor`, which assigns images, is the moving average
             of its weights: what single steps make of real pictures differs by a third.
         of_fakes: moving average of log K minus the cross entropy of projections, nats.
         of_data: information of the real images, nats, moving average over rounds.

@@ -113,6 +113,9 @@ class PredictedState(PredictingState):
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: Predicted, seed: int) -> None:
         super().__init__(panel, views, heads, settings)
+        mirrored, count = settings.fit.mirrored, len(panel.observations)
+        if mirrored is not None and sorted(mirrored) != list(range(count)):
+            raise UserError(f"PredictorFit(mirrored={mirrored}): give each of 0 to {count - 1}, the observations, once")
         self.seed = seed
         self.predictor = self._new_predictor()
         self.adam: torch.optim.Adam | None = None

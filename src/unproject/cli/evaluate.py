@@ -6,7 +6,7 @@ import json as json_module
 import sys
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,27 +54,20 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
-    from ..data.measured_lines import about_middle
     from ..recipes.held_out import held_out
     from ..training import load
-    from ..training.fitted_pictures import unit_of
     from ..training.run_directory import read_origin
 
     use_threads(threads)
     if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
-    opened = load(path, trust=trust)
+    opened = load(path, trust=trust).with_recipe(trust)
     size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
-    opened = replace(opened, made=opened.recipe(trust))  # once, since it may read a large folder
     seen = {panel.observations[0].name: panel.shape for panel in opened.recipe(trust).panels}
     if reference is not None and (lights := _photographs_of(opened, reference, seen)):
         against = _photographs(reference, lights, size, seen)
     elif reference is not None:
         against = opened.domain.read(reference, size).floats()
-        if opened.domain.name == "image" and against.dim() == 3:
-            against = about_middle(against, origin.arguments.get("center") if origin else None, str(reference))
-            projections = [panel.observations[0].projection for panel in opened.recipe(trust).panels]
-            against = against / next((unit for unit in map(unit_of, projections) if unit != 1), 1)
     else:
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)

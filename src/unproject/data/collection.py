@@ -74,7 +74,7 @@ class Collection:
         source: str = "memory",
         white: int | None = None,
     ) -> None:
-        """Take the items of a tensor or an array: uint8 and bool as uint8, all others as float32.
+        """Take the items of a tensor or an array: uint8 and bool as uint8, floats as float32.
 
         Args:
             items: (N, ...), a tensor, an array, or `Lazy` ones.
@@ -85,9 +85,10 @@ class Collection:
             white: the uint8 value that stands for 1; default: 255 if there is a value above 1, else 1.
 
         Raises:
-            UserError: if there is no item, a value is not finite, or names or latents are of another length.
+            UserError: if there is no item, a value is not finite, items are integers of another type (nothing says what
+                stands for 1), or names or latents are of another length.
         """
-        items = _checked(_tensor(items), source)
+        items = _checked(_tensor(items, source), source)
         names = [f"{i:05d}" for i in range(len(items))] if names is None else names
         known = None if latents is None else {name: torch.as_tensor(v).float() for name, v in latents.items()}
         _check_lengths(source, len(items), {"names": names, **(known or {})})
@@ -268,7 +269,7 @@ class Collection:
         return f"{type(self).__name__}({len(self)} items of {shape} from {self.source}, {views})"
 
 
-def _tensor(items: Any) -> Tensor | Lazy:
+def _tensor(items: Any, source: str) -> Tensor | Lazy:
     if isinstance(items, Lazy):
         return items
     if isinstance(items, (str, os.PathLike)):
@@ -277,6 +278,8 @@ def _tensor(items: Any) -> Tensor | Lazy:
             ".lines, .volumes, .materials or .photographs"
         )
     items = torch.as_tensor(items)
+    if not (items.dtype in (torch.uint8, torch.bool) or items.is_floating_point()):
+        raise UserError(f"{source}: is of type {str(items.dtype).removeprefix('torch.')}; give bool, uint8 or floats")
     return items if items.dtype == torch.uint8 else items.byte() if items.dtype == torch.bool else items.float()
 
 

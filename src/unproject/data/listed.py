@@ -30,19 +30,27 @@ def read_silhouettes(files: Sequence[Path], size: int) -> Collection:
     return Collection(torch.stack(images), names=[str(file) for file in files], source=str(files[0]))
 
 
-def read_photographs(files: Sequence[Path], size: int) -> Collection:
-    """Read photographs of flat materials (N, 3, size, size): the largest centred square of each.
+def read_photographs(
+    files: Sequence[Path], size: int, name: str = "photograph", *, coloured: bool = False
+) -> Collection:
+    """Read photographs of flat materials, or maps of them (N, C, size, size): the largest centred square of each.
+
+    Args:
+        files: the pictures.
+        size: pixels a side.
+        name: the map that they are, decoded as in training; any other name is of photographs.
+        coloured: read three channels of specular maps (default: their mean).
 
     Raises:
         UserError: naming the first file that cannot be used.
     """
-    images = torch.stack([photograph(file, "photograph", size) for file in _checked(files)])
+    images = torch.stack([photograph(file, name, size, coloured) for file in _checked(files)])
     return Collection(images, names=[str(file) for file in files], source=str(files[0]))
 
 
-def are_pictures(paths: Sequence[Path]) -> bool:
+def are_pictures(paths: Sequence[Path], suffixes: Sequence[str] = SUFFIXES) -> bool:
     """Whether these are files of pictures, not folders or arrays."""
-    return all(path.suffix.lower() in SUFFIXES and not path.is_dir() for path in paths)
+    return all(path.suffix.lower() in suffixes and not path.is_dir() for path in paths)
 
 
 def _checked(files: Sequence[Path]) -> Sequence[Path]:

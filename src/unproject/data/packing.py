@@ -25,7 +25,7 @@ from .._files import atomic_path, check_replaceable
 from .._types import UserError
 from .readers.found import check_size
 from .readers.how import How
-from .readers.pictures import SUFFIXES, UNREAD, check_sizes, check_used, picture_files, reading, unit_values
+from .readers.pictures import SUFFIXES, UNREAD, check_sizes, check_used, reading, required_pictures, unit_values
 from .readers.sides import side_of
 from .readers.surveying import Item, items_of
 from .readers.views import views_beside
@@ -60,7 +60,7 @@ def pack(path: Path, out: Path, how: How, report: Callable[[int, int], None] = l
     if out.suffix != ".npz":
         raise UserError(f"{out}: a pack is an .npz; give --out a name that ends in .npz")
     check_replaceable(out)
-    files = picture_files(path, (*SUFFIXES, *UNREAD))
+    files = required_pictures(path, (*SUFFIXES, *UNREAD))
     parts = out.with_name(f".{out.name}.{_identity(path, files, how)}.parts")
     starts = range(0, len(files), PART)
     _write_parts(path, parts, [files[i : i + PART] for i in starts], how, report)

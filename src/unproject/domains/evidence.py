@@ -42,7 +42,7 @@ class Evidence:
     real_views: Tensor | None
     others: Tensor
     apart: Tensor
-    silhouettes: bool = True
+    silhouettes: bool
 
     @property
     def is_enough(self) -> bool:

@@ -51,7 +51,7 @@ class Novelty:
         >>> import torch, unproject as up
         >>> views = up.projections.azimuth_bins(8, up.Silhouette(size=16))
         >>> chairs = up.data.observe(up.data.chairs(60, 16), views, each=4).floats()
-        >>> novelty = Novelty.fitted(chairs[:160], chairs[160:], steps=20)
+        >>> novelty = Novelty.fitted(chairs[:160], chairs[160:], steps=20, masks=True)
         >>> p = novelty.p_values(torch.cat([chairs[:1], 1 - chairs[:1]]))
         >>> bool(p[0] > 0.05), bool(p[1] < 0.05)
         (True, True)
@@ -70,7 +70,8 @@ class Novelty:
         prepare: Prepare = lambda y: y,
         steps: int = STEPS,
         seed: int = 0,
-        masks: bool = True,
+        *,
+        masks: bool,
     ) -> Novelty:
         """Return what compares with training pictures (N, ...), and knows held-out ones (M, ...).
 

@@ -27,17 +27,17 @@ class Search:
         UserError: for a number out of range.
 
     Examples:
-        >>> Search(starts=8).steps
+        >>> Search(starts=4).steps
         100
     """
 
     candidates: int = 256
-    starts: int = 4
+    starts: int = 8
     steps: int = 100
     rate: float = 0.1
     prior: float = 0.02
     view_searches: int = 5
-    tune: int = 0
+    tune: int = 30
     tune_rate: float = 3e-4
     consistent: bool = True
 

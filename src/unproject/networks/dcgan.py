@@ -19,8 +19,8 @@ class DCGANDiscriminator(nn.Module):
         heads: number of heads, the rows of the last layer; one for each observation.
         channels: after the first convolution; they double with each one, up to eight times as many.
         group: size of the groups of consecutive images that share batch statistics (default: the whole batch). The
-            discriminator's update concatenates real and generated images, the generator's has generated ones only; with
-            group = half the batch both normalise generated images alike.
+            discriminator's update concatenates real and generated images, the generator's has generated ones only; in
+            training a group is as many as the recipe's batch, so that both normalise generated images alike.
         kernels: number of minibatch discrimination features.
         slope: of LeakyReLU.
 

@@ -30,8 +30,8 @@ class TextureDiscriminator(nn.Module):
         shape: (C, H, W) of one image, square, with a side of 4·2^k.
         heads: number of heads, the rows of the last layer; one for each observation.
         channels: after the first convolution of each scale.
-        group: size of the groups of consecutive images over which d is computed (default: the whole batch); real and
-            generated images of a concatenated batch should not be mixed.
+        group: size of the groups of consecutive images over which d is computed (default: the whole batch, in training
+            as many as the recipe's batch, so that real and generated images of a concatenated one are not mixed).
         window: side of the windows, 8 or more (default: 32, or the side of smaller images).
         hidden: rows of A and B.
         slope: of LeakyReLU.

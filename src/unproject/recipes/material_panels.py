@@ -93,9 +93,14 @@ def source_of(procedural: Materials, data: Path | None, size: int, seed: int, co
     """
     if data is not None and are_photographs(data):
         _warn_unsorted(data)
-        return lambda observation, count: _first(
-            Collection.photographs(data, observation.name, size, coloured=coloured).warn_skipped().floats(), count, seed
-        )
+
+        def photographs(observation: Observation, count: int) -> Tensor:
+            if observation.name == "itself":
+                raise UserError(f"{data}: holds pictures of materials; direct training needs materials, or other views")
+            found = Collection.photographs(data, observation.name, size, coloured=coloured)
+            return _first(found.warn_skipped().floats(), count, seed)
+
+        return photographs
     found = None if data is None else textures_of(data, size, coloured)
 
     def images(observation: Observation, count: int) -> Tensor:
@@ -181,6 +186,8 @@ def panels_of(
     Args:
         counts: images of each map, and of each kind of photograph.
     """
+    if min(counts) < 0:
+        raise UserError(f"{min(counts)} images of a kind: give 0 or more")
     count_of = dict.fromkeys(MAPS, counts[0]) | dict.fromkeys(VIEWED_FROM, counts[1])
     chosen = [name for name in dict.fromkeys(names) if count_of.get(name, 1)]
     natural = natural_light(chosen, light.probes)

@@ -135,7 +135,7 @@ def materials(
     light = Light(probes, samples)
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels, **colours),
-        discriminator=partial(TextureDiscriminator, channels=discriminator_channels, group=options.get("batch")),
+        discriminator=partial(TextureDiscriminator, channels=discriminator_channels),
         panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
@@ -190,7 +190,7 @@ def materials_paper(
     source = source_of(procedural, data, size, seed)
     return Recipe(
         generator=partial(DCGANMaterials, size=size, channels=channels),
-        discriminator=partial(DCGANDiscriminator, channels=discriminator_channels, group=options.get("batch")),
+        discriminator=partial(DCGANDiscriminator, channels=discriminator_channels),
         panels=panels_of(source, views, observations, (maps, renderings), Light(probes, samples)),
         loss=Logistic(),
         penalty=None,

@@ -30,6 +30,7 @@ from ..training.estimate import require_memory_to_train
 from .pairing import Views, panel_of
 
 PROCEDURAL_CHAIRS = 1000
+BANDS = 12
 CHECKED = 1024
 """Pictures that are looked at to tell whether and how they were cropped, and whether cameras were level."""
 HELD_OUT, MOST_HELD_OUT = 0.1, 6554
@@ -139,6 +140,8 @@ def silhouette_views(silhouette: Projection, bins: int, bands: int | None) -> tu
     bands = 1 if bands is None else bands
     if bins < 1 or bands < 1 or bins % 2 and bins > 1:
         raise UserError(f"bins={bins}, bands={bands}: give at least one of each, and an even number of bins")
+    if bands > BANDS:
+        raise UserError(f"bands={bands}: of 15° each, at most {BANDS} reach from pole to pole")
     return azimuth_bins(bins, silhouette) if bands == 1 else azimuth_elevation_bins(bins, bands, silhouette)
 
 

@@ -13,7 +13,7 @@ from .._files import atomic_path
 from .._types import UserError
 from ..domains import Domain, Maps
 from ..training import Run, load
-from ..training.run_directory import naming
+from ..training.run_directory import REPORT, naming
 from .contents import Contents, read_contents
 from .markup import asset, page, paragraph, picture, section, text
 from .materials import is_material, material_data
@@ -31,7 +31,6 @@ from .sections import (
 )
 from .shapes import is_drawable, shape_data
 
-NAME = "report.html"
 LARGEST = 5_000_000
 """Bytes that a page stays under."""
 AMOUNTS = ((24, 8, 16_000), (12, 4, 8_000), (4, 1, 4_000))
@@ -75,9 +74,9 @@ def write_report(
         'report.html'
     """
     path = run.path if isinstance(run, Run) else Path(run)
-    final = path / NAME if out is None else Path(out)
+    final = path / REPORT if out is None else Path(out)
     if final.is_dir():
-        raise UserError(f"{final}: is a folder; give the name of a file, such as {final / NAME}")
+        raise UserError(f"{final}: is a folder; give the name of a file, such as {final / REPORT}")
     contents = read_contents(path)
     opened = run if isinstance(run, Run) else _opened(contents, trust)
     sheets, why_none = _training_pictures(opened, trust) if data and opened else ([], _no_pictures(data))

@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from .figure import Arm, Claim, Figure, ahead_of_paper
 
-FEW_LINES = {"shift": 2.0, "gamma": 0.1}
-"""For 1,500 line integrals."""
 ARMS = (
-    Arm("digits-known", "digits", "digits", "line integrals, directions known", FEW_LINES),
-    Arm(
-        "digits-predicted",
-        "digits",
-        "digits",
-        "line integrals, directions predicted",
-        {"views": "predicted", **FEW_LINES},
-    ),
-    Arm("digits-direct", "digits", "digits", "the images themselves", {"views": "direct", **FEW_LINES}),
+    Arm("digits-known", "digits", "digits", "line integrals, directions known"),
+    Arm("digits-predicted", "digits", "digits", "line integrals, directions predicted", {"views": "predicted"}),
+    Arm("digits-direct", "digits", "digits", "the images themselves", {"views": "direct"}),
     Arm("digits-paper", "digits-paper", "digits", "directions known, the paper's recipe"),
     Arm(
         "digits-predicted-paper",

@@ -19,6 +19,14 @@ from .._random import part_at
 from .._types import UserError
 
 
+def _number(variable: str, default: int) -> int:
+    """The value of an environment variable."""
+    given = os.environ.get(variable, str(default))
+    if not given.isdecimal():
+        raise UserError(f"{variable}={given!r}: is no number of processes; start them with --processes or torchrun")
+    return int(given)
+
+
 class Distribution:
     """This process among `world` ones, and its device ("auto", "cpu" or "cuda").
 
@@ -26,8 +34,7 @@ class Distribution:
     """
 
     def __init__(self, device: str = "auto") -> None:
-        self.world = int(os.environ.get("WORLD_SIZE", "1"))
-        self.rank = int(os.environ.get("RANK", "0"))
+        self.world, self.rank = _number("WORLD_SIZE", 1), _number("RANK", 0)
         if device == "auto":
             device = "cuda" if torch.cuda.is_available() else "cpu"
         if device == "cuda" and not torch.cuda.is_available():
@@ -41,6 +48,12 @@ class Distribution:
         if self.device.type == "cuda":
             torch.backends.cudnn.deterministic = True  # a run repeats bit for bit
         if self.world > 1 and not dist.is_initialized():
+            missing = [name for name in ("RANK", "MASTER_ADDR", "MASTER_PORT") if name not in os.environ]
+            if missing:
+                raise UserError(
+                    f"WORLD_SIZE={self.world} is set, but not {', '.join(missing)}; start processes with --processes "
+                    "or torchrun, or unset WORLD_SIZE"
+                )
             _join(self.device)
 
     @property

@@ -11,11 +11,12 @@ from torch import Tensor
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..assignment import AssignmentState, Panel, PredictorFit
+from ..data.measured_lines import about_middle
 from ..domains import Domain
 from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
-from ..projections.standardised import Standardised
-from .fitting import of_different_kinds
+from ..projections import LineIntegral, Projection, Standardised
+from .fitting import by_name, of_different_kinds
 
 LEAST = 6
 """Images that a panel's projections are compared with, at least."""
@@ -29,14 +30,20 @@ def sample_scores(
     reference: Tensor,
     n: int,
     seed: int = 0,
+    center: float | None = None,
 ) -> dict[str, Score]:
     """Score n samples by themselves, and against references or their projections against projections.
+
+    Args:
+        center: of measured lines, the detector that the axis of rotation projects to (default: the middle).
 
     Raises:
         UserError: if the references have the shape of neither, or of the pictures of several panels.
     """
     x = generator.sample(n, seed)
     reference = domain.comparable(reference, x)
+    if reference.dim() == 3:
+        reference = about_middle(reference, center, "the references")
     if reference.shape[1:] == x.shape[1:]:
         return domain.scores(x, reference, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
     fitting = [state for state in of_different_kinds(assignments) if state.panel.shape == tuple(reference.shape[1:])]
@@ -66,7 +73,7 @@ def observed_scores(
         UserError: if there is no such observation, or its pictures are of another shape.
     """
     x = generator.sample(n, seed)
-    of = {state.panel.observations[0].name: state for state in assignments}
+    of = by_name(assignments)
     scores = domain.checks(x, seed)
     for name, reference in references.items():
         if name not in of:
@@ -79,24 +86,36 @@ def observed_scores(
 
 
 def _against(domain: Domain, state: AssignmentState, x: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
-    """Score projections of samples against pictures as they are stored."""
+    """Score projections of samples against pictures as they are read."""
     projection = state.panel.projection
-    given = projection.standardise(reference) if isinstance(projection, Standardised) else reference
+    given = as_trained(projection, reference)
     seen = projected(state, x, seed)
     return domain.projection_scores(seen, projection.prepare(given), seed, projection.silhouettes)
+
+
+def as_trained(projection: Projection, pictures: Tensor) -> Tensor:
+    """Return pictures as they are read in the unit in which a panel of this projection has them."""
+    if isinstance(projection, Standardised):
+        return projection.standardise(pictures)
+    if isinstance(projection, LineIntegral):
+        return pictures / projection.unit
+    return pictures
 
 
 @torch.no_grad()
 def self_checks(
     generator: Generator, domain: Domain, assignments: Sequence[AssignmentState], n: int, seed: int = 0
 ) -> dict[str, Score]:
-    """Score what needs no reference: samples by themselves, their projections against the training data, the views."""
+    """Score what needs no reference: samples by themselves, their projections against the training data, the views.
+
+    Of panels of the same kind, as of anchors beside lines of unknown direction, the first is scored.
+    """
     x = generator.sample(n, seed)
     scores = domain.checks(x, seed)
-    for state in assignments:
-        name = f"_{state.panel.observations[0].name}" if len(assignments) > 1 else ""
+    kinds = by_name(assignments)
+    for name, state in kinds.items():
         found = {**picture_scores(domain, state, x, seed), **state.checks()}
-        scores |= {key + name: score for key, score in found.items()}
+        scores |= {f"{key}_{name}" if len(kinds) > 1 else key: score for key, score in found.items()}
     return scores
 
 

@@ -17,12 +17,15 @@ from .._types import UserError
 from ..assignment import AssignmentState
 from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
 from ..data.measured_lines import standardised_lines
-from ..data.readers.pictures import picture_files
+from ..data.readers.lights import SUFFIXES as MATERIALS
+from ..data.readers.pictures import SUFFIXES as PICTURES
+from ..data.readers.pictures import required_pictures
 from ..domains import Domain
 from ..inversion import DOUBTFUL, Fit, Viewing
 from ..metrics import Gauge
-from ..projections import FramedSilhouette, LineIntegral, Projection, Silhouette, Standardised
-from .evaluation import accuracy_of, estimated_and_true, turns_of
+from ..ops.maps import COLOURED
+from ..projections import FramedSilhouette, LineIntegral, Projection, Selection, Silhouette, Standardised
+from .evaluation import accuracy_of, as_trained, estimated_and_true, turns_of
 from .run_directory import read_recipe
 
 if TYPE_CHECKING:
@@ -68,14 +71,16 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     Args:
         scale: what line integrals are divided by (default: the unit of the viewing's projection).
     """
-    size, listed = opened.generator.sample(1, batch=1).shape[-1], are_pictures(paths)
+    sample, of_materials = opened.generator.sample(1, batch=1), opened.domain.name == "maps"
+    size, listed = sample.shape[-1], are_pictures(paths, MATERIALS if of_materials else PICTURES)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
-    if opened.domain.name == "maps":
-        found = read_photographs(picture_files(paths[0]) if paths[0].is_dir() else list(paths), size)
-        if isinstance(viewing.projection, Standardised):
-            return Collection(viewing.projection.standardise(found.floats()), names=found.names)
-        return found
+    if of_materials:
+        files = required_pictures(paths[0], MATERIALS) if paths[0].is_dir() else list(paths)
+        inner = viewing.projection.projection if isinstance(viewing.projection, Standardised) else viewing.projection
+        name = inner.map if isinstance(inner, Selection) else "photograph"
+        found = read_photographs(files, size, name, coloured=sample.shape[1] == COLOURED)
+        return Collection(as_trained(viewing.projection, found.floats()), names=found.names)
     if opened.domain.name == "image":
         center = read_recipe(opened.path)["arguments"].get("center")
         unit = unit_of(viewing.projection) if scale is None else scale

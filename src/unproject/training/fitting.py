@@ -46,6 +46,16 @@ def of_different_kinds(states: Sequence[AssignmentState]) -> list[AssignmentStat
     return [states[j] for j in rows if not any(has(i, j) for i in rows)]
 
 
+def by_name(states: Sequence[AssignmentState]) -> dict[str, AssignmentState]:
+    """Return panels of different kinds by their first observations' names, of which the second is called `NAME-2`."""
+    found: dict[str, AssignmentState] = {}
+    for state in of_different_kinds(states):
+        name = state.panel.observations[0].name
+        same = sum(other.panel.observations[0].name == name for other in found.values())
+        found[f"{name}-{same + 1}" if same else name] = state
+    return found
+
+
 def viewing_of(state: AssignmentState, observation: str | None = None) -> Viewing:
     """Return how pictures of a panel come about, with what was learned of its cameras.
 

@@ -122,6 +122,9 @@ def resume(
         2
     """
     path = Path(path)
+    stored = checkpoint.list_checkpoints(path / "checkpoints")
+    if stored and not checkpoint.load(stored[-1], "counters/step"):
+        raise UserError(f"{path}: has weights alone, as of a shared run; begin a new run with train --from {path}")
     if recipe is None:
         recipe = rebuild(run_directory.read_origin(path), trust, steps=steps, minutes=minutes)
     elif steps is not None or minutes is not None:

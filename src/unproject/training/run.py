@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,7 @@ class Run:
         step: steps done.
         domain: what the generator makes.
         complete: whether the budget is spent; False if training was stopped before.
-        made: the recipe, if the run was trained in this process.
+        made: the recipe, if the run was trained in this process, or its data were checked.
         trusted: whether code outside this package may be imported for it.
 
     Examples:
@@ -114,6 +114,18 @@ class Run:
         """
         return self.made or rebuild(read_origin(self.path), trust or self.trusted)
 
+    def with_recipe(self, trust: bool = False) -> Run:
+        """Return the run with its recipe, which may read a large folder, made once for all that asks for it.
+
+        Raises:
+            UserError: if it cannot be made, or has more or fewer data than in training; if others, there is a warning.
+        """
+        if self.made is not None:
+            return self
+        recipe = self.recipe(trust)
+        check_data(self.path, recipe)
+        return replace(self, made=recipe)
+
     def evaluate(
         self,
         reference: Tensor | Collection | Mapping[str, Tensor] | None = None,
@@ -127,9 +139,9 @@ class Run:
         """Score the run: its samples, their projections, and the views that it estimated.
 
         Args:
-            reference: held-out samples, or projections of such; of a run with several observations, projections by
-                their names (default: none; then only samples by themselves, their projections against the training
-                images, and the views are checked).
+            reference: held-out samples, or projections of such, as they are read; of a run with several observations,
+                projections by their names (default: none; then only samples by themselves, their projections against
+                the training images, and the views are checked).
             n: samples to score (default: the domain's number).
             seed: of the samples and of the measurement.
             ceiling: also train a view predictor on the known views, which takes a minute or two.
@@ -137,9 +149,12 @@ class Run:
             trust: import the recipe's code although it is not of this package.
 
         Raises:
-            UserError: if the recipe cannot be made, or the reference does not fit.
+            UserError: for fewer than one sample, if the recipe cannot be made, or the reference does not fit.
         """
-        states = self.assignments(recipe or self.recipe(trust))
+        if n is not None and n < 1:
+            raise UserError(f"n={n} samples: give at least 1")
+        recipe = recipe or self.recipe(trust)
+        states = self.assignments(recipe)
         count = n or self.domain.scored
         self._require_memory(count)
         views = estimated_view_scores(self.domain, states, seed, ceiling)
@@ -148,7 +163,8 @@ class Run:
         if isinstance(reference, Mapping):
             return observed_scores(self.generator, self.domain, states, reference, count, seed) | views
         items = reference.floats() if isinstance(reference, Collection) else reference
-        return sample_scores(self.generator, self.domain, states, items, count, seed) | views
+        center = recipe.origin.arguments.get("center") if recipe.origin else None
+        return sample_scores(self.generator, self.domain, states, items, count, seed, center) | views
 
     def verdict(self, *, seed: int = 0, recipe: Recipe | None = None, trust: bool = False) -> Verdict:
         """Judge the run by a few dozen samples: whether views are found, projections match pictures, and so on.

@@ -37,7 +37,7 @@ from .._files import atomic_path, read_json, understood
 from .._objects import module_name
 from .._types import UserError
 from . import event_file
-from .description import describe
+from .description import describe, matches
 from .recipe import Origin, Recipe
 
 VERDICT = "verdict.json"
@@ -46,6 +46,9 @@ LISTED = 5
 RESTORE = "restore it from a copy, or train again"
 HARMLESS = (*BUDGET, "checkpoint_every")
 """Fields that may differ between a run and its continuation."""
+ENVIRONMENT, REPORT = "environment.json", "report.html"
+WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FOLDER, "checkpoints")
+"""What a run consists of, besides recipe.json."""
 
 
 def check_free(path: Path) -> None:
@@ -60,6 +63,23 @@ def check_free(path: Path) -> None:
         )
     if path.exists() and not path.is_dir():
         raise UserError(f"{path}: is a file; choose another --out")
+    foreign = next((name for name in WRITTEN if _is_foreign(path / name)), None)
+    if foreign is not None:
+        raise UserError(f"{path / foreign}: is there already, and a run would overwrite it; choose another --out")
+
+
+def _is_foreign(place: Path) -> bool:
+    """Whether something is there that is more than what a start leaves that was killed before there was recipe.json."""
+    if place.is_dir():
+        return any(place.iterdir())
+    return place.exists() and not (place.name == ENVIRONMENT and _is_environment(place))
+
+
+def _is_environment(file: Path) -> bool:
+    with suppress(UserError):
+        found = read_json(file, RESTORE)
+        return isinstance(found, dict) and {"command", "packages"} <= found.keys()
+    return False
 
 
 def content_of(recipe: Recipe, start: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -76,18 +96,23 @@ def create(path: Path, content: dict[str, Any]) -> None:
     """Lay out a new run directory; recipe.json, which makes a run of it, comes last."""
     for folder in ("checkpoints", "samples"):
         (path / folder).mkdir(parents=True, exist_ok=True)
-    write_json(path / "environment.json", environment())
+    write_json(path / ENVIRONMENT, environment())
     write_json(path / "recipe.json", content)
 
 
 def remove_begun(path: Path) -> None:
-    """Remove a run directory in which nothing was learned, unless it has weights to start from; recipe.json first."""
+    """Remove what `create` and a training made in which nothing was learned, unless it has weights to start from.
+
+    None of it was there before (`check_free`). recipe.json goes last: what is left of it by a kill can be resumed.
+    """
     if any((path / "checkpoints").iterdir()):
         return
-    for name in ("recipe.json", "environment.json", "stats.jsonl"):
-        (path / name).unlink(missing_ok=True)
-    for folder in ("checkpoints", "samples", event_file.FOLDER):
-        shutil.rmtree(path / folder, ignore_errors=True)
+    for name in WRITTEN:
+        if (path / name).is_dir():
+            shutil.rmtree(path / name, ignore_errors=True)
+        else:
+            (path / name).unlink(missing_ok=True)
+    (path / "recipe.json").unlink(missing_ok=True)
     with suppress(OSError):  # something else is there
         path.rmdir()
 
@@ -201,15 +226,26 @@ def _observed(resolved: dict[str, Any]) -> list[str]:
 
 def check_same(path: Path, recipe: Recipe) -> None:
     """Raise UserError, naming the field, unless `recipe` is the one the run was started with (budget aside)."""
-    before, now = read_recipe(path)["resolved"], json.loads(json.dumps(describe(recipe)))
-    # Runs of before 27 November 2026 name what a script defined as it was called in their own process.
-    before = json.loads(json.dumps(before).replace('"__main__:', f'"{module_name("__main__")}:'))
+    before, now = _as_described_now(read_recipe(path)["resolved"]), json.loads(json.dumps(describe(recipe)))
     for name in before | now:
-        if name not in HARMLESS and before.get(name) != now.get(name):
+        if name not in HARMLESS and not matches(before.get(name), now.get(name)):
             raise UserError(
                 f"{path}: {name} differs from when the run was started; resume with the same recipe and data, "
                 "or start a new run"
             )
+
+
+def _as_described_now(resolved: dict[str, Any]) -> dict[str, Any]:
+    """Return the description of a run of before 28 November 2026 as it would be now.
+
+    What a script defined was named as it was called in its own process; and discriminators had the batch as `group`.
+    """
+    found = json.loads(json.dumps(resolved).replace('"__main__:', f'"{module_name("__main__")}:'))
+    with suppress(AttributeError, KeyError, TypeError):
+        arguments = found["discriminator"]["arguments"]
+        if arguments.get("group") == found["batch"]:
+            del arguments["group"]
+    return found
 
 
 def check_data(path: Path, recipe: Recipe) -> None:
@@ -220,23 +256,21 @@ def check_data(path: Path, recipe: Recipe) -> None:
     """
     before = _collections(read_recipe(path)["resolved"].get("panels"))
     now = [found for panel in recipe.panels for found in _collections(describe({"data": panel.data}))]
-    if [shape for shape, _ in before] != [shape for shape, _ in now]:
-        counts = [", ".join(str(shape[0]) for shape, _ in found) for found in (before, now)]
+    if [found["collection"] for found in before] != [found["collection"] for found in now]:
+        counts = [", ".join(str(each["collection"][0]) for each in found) for found in (before, now)]
         raise UserError(f"{path}: was trained on other data ({counts[0]} items then, {counts[1]} now); restore them")
-    if before != now:
+    if not matches(before, now):
         warnings.warn(f"{path}: its data are others than in training; pictures are compared with them", stacklevel=2)
 
 
-def _collections(described: Any) -> list[tuple[Any, Any]]:
-    """Return (shape, fingerprint) of the data of described panels."""
+def _collections(described: Any) -> list[dict[str, Any]]:
+    """Return what describes the data of described panels."""
     if isinstance(described, list):
         return [found for part in described for found in _collections(part)]
     if not isinstance(described, dict):
         return []
     shape = described.get("collection")
-    return (
-        [(shape, described.get("sha256"))] if isinstance(shape, list) and shape else _collections(described.get("data"))
-    )
+    return [described] if isinstance(shape, list) and shape else _collections(described.get("data"))
 
 
 def environment() -> dict[str, Any]:

@@ -105,6 +105,9 @@ class State:
             share_statistics(self.generator)
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
         built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
+        for discriminator in built:
+            if getattr(discriminator, "group", ...) is None:
+                vars(discriminator)["group"] = recipe.batch
         self.discriminators = nn.ModuleList([discriminator.to(self.device) for discriminator in built])
         self._learning = [p for p in self.discriminators.parameters() if p.requires_grad]
         if recipe.normalise_over == "processes":
@@ -231,8 +234,6 @@ class State:
 
     def load(self, tensors: dict[str, Tensor]) -> None:
         """Take over stored tensors. Raises UserError if they are not those of this recipe."""
-        if "counters/step" not in tensors:
-            raise UserError("the checkpoint has weights alone, as of a shared run; begin a new run with train --from")
         try:
             self._load(tensors)
         except KeyError as error:

@@ -21,6 +21,7 @@ from ..domains import Domain
 from ..domains.evidence import ENOUGH, Evidence, few_finding
 from ..metrics import WORDS, Finding, Score, Word, worst
 from ..networks import Generator
+from .fitting import by_name
 
 SAMPLES, VIEWS_EACH, REAL, AT_ONCE = 64, 4, 512, 32
 """Samples, projections of each, held-out pictures at most, and samples projected at once."""
@@ -84,10 +85,10 @@ def judge(generator: Generator, domain: Domain, assignments: Sequence[Assignment
     """Judge a run by samples and by their projections against held-out pictures; draws from no global state."""
     x = generator.sample(SAMPLES, seed)
     findings = []
-    for state in assignments:
+    kinds = by_name(assignments)
+    for of, state in kinds.items():
         found = panel_findings(domain, state, x, seed)
-        if len(assignments) > 1:
-            of = state.panel.observations[0].name
+        if len(kinds) > 1:
             found = [replace(f, name=f"{f.name}_{of}", says=f"{of}: {f.says}") for f in found]
         findings += found
     observations = [o for state in assignments for o in state.panel.observations]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 import time
+import unicodedata
 import zlib
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from PIL import Image
 from unproject._pictures import read_displayed
 from unproject._types import UserError
 from unproject.data import Framing, How, pack, read
-from unproject.data.readers.sides import size_of_picture
+from unproject.data.readers.sides import picture_count, size_of_picture
 
 
 def block(left: int = 20, width: int = 20) -> np.ndarray:
@@ -207,3 +209,64 @@ def test_pictures_of_formats_that_are_not_read_are_skipped_by_name(tmp_path):
     assert dict(pack(tmp_path, tmp_path.with_suffix(".npz"), How(None, True)).skipped) == reasons
     with pytest.raises(UserError, match=r"b.HEIC: .HEIC is not read"):
         read(tmp_path, pictures="images", strict=True)
+
+
+@pytest.mark.parametrize(
+    "values, said",
+    [
+        (np.full((80, 80), 8.0, np.float32), "values run from 8 to 8; scale them to [0, 1]"),
+        (np.full((80, 80), -0.5, np.float32), "values run from -0.5 to -0.5; scale them to [0, 1]"),
+        (
+            np.full((80, 80), 200, np.int32),
+            "holds integers of 32 bits; save them as 8 or 16 bits, or as floats in [0, 1]",
+        ),
+    ],
+)
+def test_deep_pictures_of_another_unit_are_not_clipped(tmp_path: Path, values: np.ndarray, said: str) -> None:
+    Image.fromarray(values).save(tmp_path / "deep.tif")
+    with pytest.raises(UserError, match=re.escape(said)):
+        read(tmp_path, pictures="images")
+    Image.fromarray(np.full((80, 80), 1.005, np.float32)).save(tmp_path / "deep.tif")
+    assert read(tmp_path, pictures="images").floats().eq(1).all()
+
+
+@pytest.mark.parametrize("suffix", ["tif", "webp", "png"])
+def test_a_stack_is_not_taken_for_its_first_picture(tmp_path: Path, suffix: str) -> None:
+    frames = [Image.fromarray(np.roll(block(), 9 * k, 0)) for k in range(3)]
+    frames[0].save(tmp_path / f"a.{suffix}", save_all=True, append_images=frames[1:])
+    save(tmp_path / "b.png")
+    found = read(tmp_path)
+    assert found.names == ("b.png",)
+    assert found.skipped == ((f"a.{suffix}", "holds 3 frames; save each as a picture of its own"),)
+
+
+def test_a_thumbnail_is_no_frame(tmp_path: Path) -> None:
+    whole = Image.fromarray(block())
+    whole.save(tmp_path / "a.tif", save_all=True, append_images=[whole.resize((20, 20))])
+    whole.save(tmp_path / "b.tif")
+    found = read(tmp_path)
+    assert not found.skipped and found.items[0].equal(found.items[1])
+
+
+def test_what_renderers_and_scanners_write_is_named(tmp_path: Path) -> None:
+    save(tmp_path / "a.png")
+    for name in ("b.exr", "c.dcm", "d.mrc"):
+        (tmp_path / name).write_bytes(b"something")
+    assert [name for name, _ in read(tmp_path).skipped] == ["b.exr", "c.dcm", "d.mrc"]
+
+
+def test_a_folder_and_its_pack_count_the_same_pictures(tmp_path: Path) -> None:
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    save(folder / "a.png")
+    (folder / "b.heic").write_bytes(b"something")
+    (folder / "c.png").write_bytes(b"damaged")
+    pack(folder, tmp_path / "masks.npz", How())
+    assert picture_count(folder) == picture_count(tmp_path / "masks.npz") == 2
+
+
+def test_an_accent_may_be_spelt_in_two_ways(tmp_path: Path) -> None:
+    save(tmp_path / unicodedata.normalize("NFD", "né.png"))
+    (tmp_path / "views.csv").write_text(unicodedata.normalize("NFC", "file,azimuth\nné.png,90\n"), encoding="utf-8")
+    latents = read(tmp_path).latents
+    assert latents is not None and latents["azimuth"].tolist() == pytest.approx([math.pi / 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,8 @@ def test_the_words_of_a_name_say_which_map_it_is(name: str, role: str | None) ->
 def test_words_are_split_at_signs_digits_and_capitals() -> None:
     assert words_of("Wood027_1K_NormalGL") == ["wood", "027", "1", "k", "normal", "gl"]
     assert words_of("old wood-nor.gl_4k") == ["old", "wood", "nor", "gl", "4", "k"]
+    assert words_of("木材Diff_ДубDIFF") == ["木材", "diff", "дуб", "diff"]
+    assert words_of(unicodedata.normalize("NFD", "HolzmöbelRough")) == ["holzmöbel", "rough"]
 
 
 def lettered(folder: Path, *names: str) -> Path:
@@ -562,3 +565,10 @@ def test_maps_of_one_material_in_two_resolutions_stay_one(tmp_path: Path) -> Non
     for name, value in (("wood_diff_2k", (GREY,) * 3), ("wood_rough_1k", GREY)):
         paint(tmp_path / f"{name}.png", value)
     assert sets_in(tmp_path) == {} and len(Collection.materials(tmp_path)) == 1
+
+
+def test_sets_whose_names_are_of_other_scripts_are_several(tmp_path: Path) -> None:
+    for name in ("木材", "石材"):
+        paint(tmp_path / f"{name}_diff.png", GREY)
+        paint(tmp_path / f"{name}_rough.png", 128)
+    assert len(Collection.materials(tmp_path)) == 2

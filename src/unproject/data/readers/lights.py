@@ -9,16 +9,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..._files import paths_below
 from ..._objects import nearest
 from ..._types import UserError
 from ...ops.maps import MAPS
-from .pictures import SAVE, UNREAD, is_hidden
+from .pictures import SAVE, picture_files
 from .pictures import SUFFIXES as PICTURES
+from .pictures import UNREAD as NO_PICTURES
 from .texture_names import candidates
 
 FLOATING = (".exr", ".hdr")
 SUFFIXES = (*PICTURES, *FLOATING)
+UNREAD = tuple(suffix for suffix in NO_PICTURES if suffix not in FLOATING)
 ELSE = (
     "flash, coloured, overhead, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural "
     "light that you give by --probes)"
@@ -61,12 +62,6 @@ FIRST = ("flash", "coloured", "ambient", "overhead")
 def photographed(path: Path) -> tuple[str, ...]:
     """The observations that a folder has sub-folders of pictures for, in the order of `OBSERVATIONS`."""
     return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
-
-
-def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
-    """The pictures in a folder and below it, sorted; hidden ones are none."""
-    below = paths_below(folder) if folder.is_dir() else []
-    return [file for file in below if file.suffix.lower() in suffixes and not is_hidden(file, folder)]
 
 
 def unsorted(path: Path) -> dict[Path, str]:

@@ -14,14 +14,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..._pictures import read_stored
+from ..._pictures import OVERSHOOT, read_stored
 from ..._types import UserError
 from ...ops.exposure import develop, linear_from_srgb
 from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
-from .lights import SAVE, UNREAD, picture_files
-from .texture_maps import OVERSHOOT
+from .lights import SAVE, SUFFIXES, UNREAD, picture_files
 
 SMOOTHEST = 1e-3
 
@@ -36,7 +35,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False, col
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
     """
     folder = path / name
-    files = picture_files(folder)
+    files = picture_files(folder, SUFFIXES)
     if not files and (unread := picture_files(folder, UNREAD)):
         raise UserError(f"{folder}: holds no picture that can be read: {unread[0].suffix} is not, {SAVE}")
     if not files:

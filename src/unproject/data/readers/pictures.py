@@ -26,9 +26,9 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 SIZE = 64
 UNREAD = (
     ".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif", ".svg", ".psd", ".xcf",
-    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2",
+    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".exr", ".hdr", ".dcm", ".mrc",
 )  # fmt: skip
-"""Of telephones, cameras, browsers and editors, which no reader takes."""
+"""Of telephones, cameras, browsers, editors, renderers and scanners, which no reader of masks and images takes."""
 SAVE = "save it as .jpg, .png or .tif"
 
 
@@ -45,7 +45,7 @@ def read_pictures(path: Path, how: How) -> Found:
 
 def survey_pictures(path: Path, how: How) -> Survey:
     """Read every picture of a folder: as it is, or as a silhouette."""
-    return survey(path, picture_files(path, (*SUFFIXES, *UNREAD)), reading(how), how.strict)
+    return survey(path, required_pictures(path, (*SUFFIXES, *UNREAD)), reading(how), how.strict)
 
 
 def reading(how: How) -> Read:
@@ -115,12 +115,17 @@ def found_of(path: Path, skipped: Sequence[tuple[str, str]], names: Sequence[str
     return Found(torch.from_numpy(items), names, latents, tuple(skipped), str(path), white)
 
 
-def picture_files(path: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
+def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
     """The pictures in a folder and its subfolders, sorted; hidden files are no pictures."""
+    below = (file for file in paths_below(folder) if file.suffix.lower() in suffixes) if folder.is_dir() else ()
+    return [file for file in below if not is_hidden(file, folder) and file.is_file()]
+
+
+def required_pictures(path: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
+    """The pictures in a folder and its subfolders (`picture_files`). Raises UserError if there is none."""
     if not path.is_dir():
         raise UserError(f"{path}: there is no such folder; check the path")
-    below = (file for file in paths_below(path) if file.suffix.lower() in suffixes)
-    files = [file for file in below if not is_hidden(file, path) and file.is_file()]
+    files = picture_files(path, suffixes)
     if not files:
         raise UserError(f"{path}: holds no picture; put {', '.join(s[1:] for s in SUFFIXES)} files there")
     return files

@@ -77,7 +77,10 @@ def picture_count(path: str | os.PathLike[str]) -> int | None:
     if path.is_dir():
         return None if holds_shapes(path) else len(picture_files(path))
     columns = _columns_of_pack(path)
-    return None if columns is None else len(columns["names"]) + len(columns["skipped"])
+    if columns is None:
+        return None
+    files = [*columns["names"].tolist(), *columns["skipped"].tolist()]
+    return sum(os.fsdecode(file).lower().endswith(SUFFIXES) for file in files)
 
 
 def _of_folder(path: Path) -> int | None:

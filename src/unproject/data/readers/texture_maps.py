@@ -12,7 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..._pictures import Picture, read_stored
+from ..._pictures import OVERSHOOT, Picture, read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
 from ...ops.maps import luminance, normals_of, slopes_of
@@ -21,7 +21,6 @@ from .texture_names import Textures
 DIELECTRIC, SPECULAR = 0.04, 0.08
 SMOOTHEST = 1e-3
 SLOPE = 0.25  # RMS slope given to a height map, whose unit no file says
-OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
 COLOURED = 0.05  # mean difference of channels above which a picture is no grey map
 INWARD, STEEPEST = 0.5, 0.02  # share of a normal map's texels that may point inward; the least z any gets
 SHORTEST, LONGEST = 0.3, 1.5  # median length of its vectors: averaging rough surfaces shortens them

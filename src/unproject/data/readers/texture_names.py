@@ -10,6 +10,7 @@ only after the words that all pictures of the folder begin with, which are its n
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
@@ -75,8 +76,17 @@ class Textures:
 
 
 def words_of(name: str) -> list[str]:
-    """The words of a file's name without its suffix, in small letters."""
-    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
+    """The words of a file's name without its suffix, of any script, in small letters; case parts them too."""
+    name = unicodedata.normalize("NFC", name)  # some systems take letters apart from their accents
+    kinds = "".join(map(_kind, name))
+    return [name[match.start() : match.end()].lower() for match in re.finditer(r"A+(?!a)|A?a+|x+|0+", kinds)]
+
+
+def _kind(sign: str) -> str:
+    """A or a for a letter of either case, x for one that has none, 0 for a digit, else a blank."""
+    if sign.isdecimal():
+        return "0"
+    return " " if not sign.isalpha() else "A" if sign.isupper() else "a" if sign.islower() else "x"
 
 
 def words_of_all(files: Sequence[Path]) -> list[list[str]]:

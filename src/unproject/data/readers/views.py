@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,12 +31,13 @@ def read_views(file: Path, names: Sequence[str], skipped: Sequence[str] = ()) ->
     """
     columns, rows = _read_table(file)
     views: dict[str, list[float]] = {}
-    there = {*names, *skipped}
+    there = {unicodedata.normalize("NFC", name): name for name in (*skipped, *names)}  # systems spell é in two ways
     for line, row in rows:
-        name, degrees = _read_row(file, line, row, columns)
+        said, degrees = _read_row(file, line, row, columns)
+        name = there.get(unicodedata.normalize("NFC", said), said)
         if name in views:
             raise UserError(f"{file}, line {line}: {name} has a row already; keep one")
-        if name not in there:
+        if unicodedata.normalize("NFC", name) not in there:
             raise UserError(
                 f"{file}, line {line}: there is no picture {name} beside it; fix the name or remove the row"
             )
