@@ -175,7 +175,7 @@ def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(
         Image.fromarray((255 * mask).astype(np.uint8)).save(tmp_path / f"{k}.png")
     cropped, kept = inspect(tmp_path), inspect(tmp_path, framing=Framing(mode="keep"))
     assert "but of cropped pictures shapes take it that they were level" in cropped.summary()[-1]
-    assert "shapes take it that cameras looked down, if pictures were not cropped" in kept.summary()[-1]
+    assert "shapes learn the elevation of cameras too, if pictures were not cropped" in kept.summary()[-1]
 
 
 def test_what_is_not_read_of_an_npz_is_said_and_the_size_that_lines_are_learned_at(tmp_path: Path, capsys) -> None:

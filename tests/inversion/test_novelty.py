@@ -10,7 +10,7 @@ import torch
 from unproject.data import cars, chairs, observe
 from unproject.inversion import DOUBTFUL, Novelty
 from unproject.inversion import novelty as module
-from unproject.inversion.novelty import warped
+from unproject.inversion.novelty import combined, warped
 from unproject.projections import Silhouette, azimuth_bins
 
 
@@ -37,7 +37,7 @@ def test_either_number_is_enough() -> None:
         one = numbers.clone()
         one[:, 1 - k] = -1e9  # as usual as can be
         one[:, k] = 1e9
-        assert _p(novelty, one) == pytest.approx(2 / 161)
+        assert _p(novelty, one) < 1e-6
         one[:, k] = -1e9
         assert _p(novelty, one) == 1
 
@@ -54,7 +54,7 @@ def test_lines_are_compared_by_their_proportions() -> None:
     lines = torch.rand(200, 1, 16, generator=torch.Generator().manual_seed(0))
     novelty = Novelty.fitted(lines[:150], lines[150:], masks=False)
     assert novelty.network is None
-    assert novelty.p_values(lines[:1])[0] > 0.02 and novelty.p_values(5 * lines[:1])[0] == pytest.approx(1 / 51)
+    assert novelty.p_values(lines[:1])[0] > 0.02 and novelty.p_values(5 * lines[:1])[0] < 1e-6
 
 
 def test_warped_masks_stay_masks_of_their_size() -> None:
@@ -92,3 +92,23 @@ def test_components_of_many_pictures_are_nearly_those_of_all(monkeypatch: pytest
     torch.testing.assert_close(quick.held_out[:, 0], exact.held_out[:, 0], rtol=0.05, atol=0)
     monkeypatch.setattr(module, "MOST", 64 * 32 * 32)
     assert Novelty.fitted(pictures, pictures[:50], steps=1, masks=True).axes.shape == (32, 1024)
+
+
+def test_few_held_out_pictures_tell_what_is_far_beyond_them() -> None:
+    """Twenty held-out ones: a share alone could not be below a twentieth."""
+    rng = torch.Generator().manual_seed(0)
+    train, new = torch.randn(400, 1, 8, generator=rng), torch.randn(400, 1, 8, generator=rng)
+    called = []
+    for held_out in torch.randn(20, 20, 1, 8, generator=rng):
+        novelty = Novelty.fitted(train, held_out, masks=False)
+        called.append((novelty.p_values(new) < DOUBTFUL).float().mean().item())
+        assert novelty.p_values(6 * torch.ones(1, 1, 8)).item() < DOUBTFUL
+    assert sum(called) / len(called) < 2 * DOUBTFUL
+    single = Novelty.fitted(train, train[:1], masks=False)
+    assert single.p_values(6 * torch.ones(1, 1, 8)).item() == 0.5
+
+
+def test_one_odd_picture_of_many_does_not_make_an_object_odd() -> None:
+    assert combined(torch.tensor([0.02])) == pytest.approx(0.02)
+    assert combined(torch.tensor([0.02, *[0.5] * 5])) > 0.03
+    assert combined(torch.full((6,), 0.02)) == pytest.approx(0.02)

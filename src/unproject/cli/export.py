@@ -188,7 +188,10 @@ def _options(
     return options
 
 
-OTHER_SUFFIXES = ("gltf", "mtlx", "jpg", "jpeg", "webp", "exr", "stl", "off", "zip")
+OTHER_SUFFIXES = (
+    *("gltf", "mtlx", "jpg", "jpeg", "webp", "exr", "tif", "tiff", "bmp", "svg", "pdf", "mp4", "webm", "mov", "zip"),
+    *("stl", "off", "fbx", "usd", "usda", "usdc", "usdz", "blend", "abc", "dae", "3mf", "step", "stp", "x3d"),
+)
 WRITTEN = {"gltf": "glb", "maps": "", "mtlx": ""}
 """Suffixes of files that are no format's, and format → the suffix of its files where that is not its name."""
 

@@ -92,7 +92,7 @@ def run(
         given = {} if view is None else given_view(view, viewing.projection.latents)
     else:
         state, frame, viewing, given = None, Frame(), lit_viewing(opened, view, light), {}
-    found = observed(opened, pictures, viewing, scale)
+    found = observed(opened, pictures, viewing, scale).warn_skipped()
     found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, frame))
     compared = novelty_of(state, viewing) if novelty and state is not None else None
     fitter = opened.fitter(viewing=viewing, search=search, seed=seed)

@@ -57,7 +57,7 @@ def run(
     _estimate(recipe, device)
     name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
     out = out or Path("runs") / f"{name}-{recipe.seed}"
-    check_free(out)
+    check_free(out, recipe)
     if not quiet:
         studio = f"unproject studio {shlex.quote(str(out.parent))}"
         say(f"{out}: watch it in a browser with {studio}, or look at the pictures in {out}/samples")

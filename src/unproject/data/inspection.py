@@ -92,8 +92,8 @@ class Inspection:
         level = self.level_outlines()
         if level is None:
             return lines
-        down = "it seems that cameras looked down, but of cropped pictures shapes take it that they were level"
-        down = down if self.cropped else "shapes take it that cameras looked down, if pictures were not cropped"
+        down = "which does not tell that cameras were level, but of cropped pictures shapes take it so"
+        down = down if self.cropped else "shapes learn the elevation of cameras too, if pictures were not cropped"
         cameras = "shapes take it that cameras were level" if level > LEVEL else down
         return [*lines, f"  {level:.0%} of straight outlines are level: {cameras}"]
 

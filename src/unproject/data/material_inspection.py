@@ -21,6 +21,7 @@ from .readers.lights import (
     picture_files,
     refuse_unsorted,
     showing,
+    sub_folder,
     unsorted,
 )
 from .readers.patches import material_patches, side_to_cut_from
@@ -125,7 +126,11 @@ def holds_materials(path: Path | str) -> bool:
         return _holds_maps(path)
     if not path.is_dir():
         return False
-    if any(picture_files(path / name, (*SUFFIXES, *UNREAD)) for name in photographed(path) if name not in UNCLEAR):
+    if any(
+        picture_files(sub_folder(path, name) or path / name, (*SUFFIXES, *UNREAD))
+        for name in photographed(path)
+        if name not in UNCLEAR
+    ):
         return True
     return not any(file.suffix.lower() in SHAPES for file in paths_below(path)) and holds_textures(path)
 

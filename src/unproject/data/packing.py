@@ -86,7 +86,8 @@ def _write_parts(
     missing = [i for i in range(len(groups)) if not (parts / f"{i:06d}.npz").exists()]
     total = sum(map(len, groups))
     done = total - sum(len(groups[i]) for i in missing)
-    items = items_of([file for i in missing for file in groups[i]], reading(how), how.strict)
+    read = reading(how, [file for group in groups for file in group])
+    items = items_of([file for i in missing for file in groups[i]], read, how.strict)
     for i in missing:
         report(done, total)
         _write_part(parts / f"{i:06d}.npz", path, islice(items, len(groups[i])))

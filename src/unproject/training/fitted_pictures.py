@@ -22,6 +22,7 @@ from ..data.readers.pictures import SUFFIXES as PICTURES
 from ..data.readers.pictures import required_pictures
 from ..domains import Domain
 from ..inversion import DOUBTFUL, Fit, Viewing
+from ..inversion.novelty import combined
 from ..metrics import Gauge
 from ..ops.maps import COLOURED
 from ..projections import FramedSilhouette, LineIntegral, Projection, Selection, Silhouette, Standardised
@@ -178,8 +179,8 @@ def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:
         p: of each picture, how likely one of the run's kind is so strange; None if that was not looked at.
     """
     why = []
-    if p is not None and p.min() < DOUBTFUL:
-        why.append(f"its pictures are of another kind than those of training (p {p.min():.3f})")
+    if p is not None and combined(p) < DOUBTFUL:
+        why.append(f"its pictures are of another kind than those of training (p {combined(p):.3f})")
     if not fit.error <= FAR:
         why.append(f"no sample's projection comes near (distance {fit.error:.2f}, {FAR:g} is far)")
     if run.domain.empty(fit.x[:1]):

@@ -7,6 +7,7 @@ from typing import Literal
 
 from .._types import UserError
 from . import checkpoint, event_file, run_directory
+from .compatibility import check_same
 from .distribution import Distribution
 from .health import Diverged
 from .origin import rebuild
@@ -61,7 +62,7 @@ def train(
     """
     distribution = Distribution(device)
     out = Path(out)
-    run_directory.check_free(out)
+    run_directory.check_free(out, recipe)
     state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
     began = None if start is None else start_from(state, Path(start))
     content = run_directory.content_of(recipe, began)
@@ -130,7 +131,7 @@ def resume(
     elif steps is not None or minutes is not None:
         recipe = recipe.replace(steps=steps, minutes=minutes)
     distribution = Distribution(device)
-    run_directory.check_same(path, recipe)
+    check_same(path, recipe)
     state = State(recipe, distribution.device)
     with run_directory.locked(path, distribution.leads):
         if distribution.leads:

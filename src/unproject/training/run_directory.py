@@ -14,10 +14,10 @@ import json
 import os
 import platform
 import re
+import shlex
 import shutil
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -34,29 +34,30 @@ except ImportError:  # Windows
     fcntl = None
 
 from .._files import atomic_path, read_json, understood
-from .._objects import module_name
 from .._types import UserError
 from . import event_file
-from .description import describe, matches
+from .description import describe
 from .recipe import Origin, Recipe
 
 VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
 LISTED = 5
 RESTORE = "restore it from a copy, or train again"
-HARMLESS = (*BUDGET, "checkpoint_every")
-"""Fields that may differ between a run and its continuation."""
 ENVIRONMENT, REPORT = "environment.json", "report.html"
 WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FOLDER, "checkpoints")
 """What a run consists of, besides recipe.json."""
 
 
-def check_free(path: Path) -> None:
-    """Raise UserError if a new run cannot be made at `path`, which holds one already or is a file."""
+def check_free(path: Path, recipe: Recipe | None = None) -> None:
+    """Raise UserError if a new run cannot be made at `path`: it holds one, or the recipe's data, or is a file."""
     if (path / "recipe.json").exists():
         raise UserError(
-            f"{path}: holds a run already; `unproject resume {path}` goes on with it, or choose another --out"
+            f"{path}: holds a run already; `unproject resume {shlex.quote(str(path))}` goes on with it, or choose "
+            "another --out"
         )
+    given = (recipe.origin.arguments if recipe is not None and recipe.origin else {}).get("data")
+    if isinstance(given, dict) and path.is_dir() and os.path.realpath(str(given.get("path"))) == os.path.realpath(path):
+        raise UserError(f"{path}: is the folder of the data, to which a run adds pictures; choose another --out")
     if any((path / "checkpoints").glob("step-*")):
         raise UserError(
             f"{path}: holds checkpoints of a run without its recipe.json; remove them, or choose another --out"
@@ -222,55 +223,6 @@ def _observed(resolved: dict[str, Any]) -> list[str]:
     return (
         ["diffuse", "specular", "roughness", "normal", "flash", "coloured", "ambient"] if "itself" in names else names
     )
-
-
-def check_same(path: Path, recipe: Recipe) -> None:
-    """Raise UserError, naming the field, unless `recipe` is the one the run was started with (budget aside)."""
-    before, now = _as_described_now(read_recipe(path)["resolved"]), json.loads(json.dumps(describe(recipe)))
-    for name in before | now:
-        if name not in HARMLESS and not matches(before.get(name), now.get(name)):
-            raise UserError(
-                f"{path}: {name} differs from when the run was started; resume with the same recipe and data, "
-                "or start a new run"
-            )
-
-
-def _as_described_now(resolved: dict[str, Any]) -> dict[str, Any]:
-    """Return the description of a run of before 28 November 2026 as it would be now.
-
-    What a script defined was named as it was called in its own process; and discriminators had the batch as `group`.
-    """
-    found = json.loads(json.dumps(resolved).replace('"__main__:', f'"{module_name("__main__")}:'))
-    with suppress(AttributeError, KeyError, TypeError):
-        arguments = found["discriminator"]["arguments"]
-        if arguments.get("group") == found["batch"]:
-            del arguments["group"]
-    return found
-
-
-def check_data(path: Path, recipe: Recipe) -> None:
-    """Warn if a recipe has other data than the run was started with, of the same number and shape.
-
-    Raises:
-        UserError: if their numbers or shapes differ.
-    """
-    before = _collections(read_recipe(path)["resolved"].get("panels"))
-    now = [found for panel in recipe.panels for found in _collections(describe({"data": panel.data}))]
-    if [found["collection"] for found in before] != [found["collection"] for found in now]:
-        counts = [", ".join(str(each["collection"][0]) for each in found) for found in (before, now)]
-        raise UserError(f"{path}: was trained on other data ({counts[0]} items then, {counts[1]} now); restore them")
-    if not matches(before, now):
-        warnings.warn(f"{path}: its data are others than in training; pictures are compared with them", stacklevel=2)
-
-
-def _collections(described: Any) -> list[dict[str, Any]]:
-    """Return what describes the data of described panels."""
-    if isinstance(described, list):
-        return [found for part in described for found in _collections(part)]
-    if not isinstance(described, dict):
-        return []
-    shape = described.get("collection")
-    return [described] if isinstance(shape, list) and shape else _collections(described.get("data"))
 
 
 def environment() -> dict[str, Any]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 import struct
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unproject._types import UserError
-from unproject.data import Framing, read
+from unproject.data import Collection, Framing, read
 
 masks = np.zeros((3, 20, 20), bool)
 masks[:, 4:16, 6:10] = True
@@ -195,3 +197,62 @@ def test_degrees_are_recognised_and_said(tmp_path):
     turns = np.array([0, 2 * np.pi, 4 * np.pi])
     found = read(saved(tmp_path, lines=np.ones((3, 8)), angle=turns))
     assert found.latents is not None and np.allclose(found.latents["angle"], turns)
+
+
+def blocks(count: int = 5, dtype: Any = np.uint8, high: int = 255) -> np.ndarray:
+    masks = np.zeros((count, 16, 16), dtype)
+    for k in range(count):
+        masks[k, 4:11, 3 + k : 9 + k] = high
+    return masks
+
+
+@pytest.mark.parametrize("suffix", ["npz", "npy"])
+@pytest.mark.parametrize("dtype, high", [(np.uint8, 255), (np.uint8, 1), (bool, 1), (np.float32, 1)])
+def test_dark_masks_on_a_light_ground_are_inverted(tmp_path: Path, suffix: str, dtype: Any, high: int) -> None:
+    path, masks = tmp_path / f"masks.{suffix}", blocks(dtype=dtype, high=high)
+    inverted = ~masks if dtype is bool else high - masks
+    np.savez(path, masks=inverted) if suffix == "npz" else np.save(path, inverted)
+    with pytest.warns(UserWarning, match="most masks are bright along their border"):
+        found = Collection.silhouettes(path)
+    assert torch.equal(found.floats()[:, 0] > 0.5, torch.from_numpy(masks > 0))
+    assert Collection.images(path).floats()[:, 0, 0, 0].eq(1).all()  # pictures as they are
+
+
+@pytest.mark.parametrize("high", [1, 20, 127])
+def test_labels_are_masks(tmp_path: Path, high: int) -> None:
+    np.savez(tmp_path / "labels.npz", masks=blocks(high=high))
+    assert Collection.silhouettes(tmp_path / "labels.npz").floats().unique().tolist() == [0, 1]
+    grey = blocks(high=high)
+    grey[0, 5, 5] = high // 2 + (high == 1)
+    assert Collection(grey).white == (1 if high == 1 else 255)
+
+
+def test_masks_that_show_nothing_are_left_out(tmp_path: Path) -> None:
+    masks = blocks()
+    masks[[1, 3]] = 0
+    np.savez(tmp_path / "some.npz", masks=masks, azimuth=np.arange(5) / 10)
+    found = Collection.silhouettes(tmp_path / "some.npz")
+    assert found.names == ("00000", "00002", "00004") and [name for name, _ in found.skipped] == ["00001", "00003"]
+    assert found.latents is not None and found.latents["azimuth"].tolist() == pytest.approx([0, 0.2, 0.4])
+    np.savez(tmp_path / "none.npz", masks=0 * masks)
+    with pytest.raises(UserError, match="no picture has anything above 0.5"):
+        Collection.silhouettes(tmp_path / "none.npz")
+
+
+def test_colour_pictures_are_no_masks(tmp_path: Path) -> None:
+    colours = np.random.default_rng(0).integers(0, 255, (4, 16, 16, 3), dtype=np.uint8)
+    np.savez(tmp_path / "colours.npz", images=colours)
+    with pytest.raises(UserError, match="images: colour pictures are no masks; give masks, alpha"):
+        Collection.silhouettes(tmp_path / "colours.npz")
+    np.savez(tmp_path / "grey.npz", images=blocks()[..., None].repeat(3, 3))
+    assert Collection.silhouettes(tmp_path / "grey.npz").shape == (1, 16, 16)
+    cut_out = np.concatenate([colours, blocks(4)[..., None]], 3)
+    np.savez(tmp_path / "alpha.npz", images=cut_out)
+    found = Collection.silhouettes(tmp_path / "alpha.npz").floats()[:, 0]
+    assert torch.equal(found, torch.from_numpy(blocks(4)) / 255)
+
+
+def test_the_number_of_masks_comes_first(tmp_path: Path) -> None:
+    np.savez(tmp_path / "last.npz", masks=blocks(9).transpose(1, 2, 0))
+    with pytest.warns(UserWarning, match=r"\(16, 16, 9\) is taken for 16 masks of 9 x 16 pixels"):
+        Collection.silhouettes(tmp_path / "last.npz")

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unproject._types import UserError
 from unproject.data import AS_GIVEN, Framing, UnusablePicture, frame
-from unproject.data.readers.framing import area_resample, is_mask
+from unproject.data.readers.framing import area_resample, is_mask, usual_polarity
 
 
 def disc(height: int, width: int, row: float, column: float, radius: float) -> np.ndarray:
@@ -175,3 +176,42 @@ def test_cropping_does_not_depend_on_where_the_object_stood(dy, dx):
     assert np.allclose(
         frame(disc(150, 220, 75 + dy, 110 + dx, 30), 32).image, frame(disc(150, 220, 75, 110, 30), 32).image, atol=1e-4
     )
+
+
+def letter(border: int = 0) -> np.ndarray:
+    """A light L that touches its picture's border along half of it, in a margin."""
+    mask = np.zeros((40, 30))
+    mask[:, :12] = mask[-14:] = 1
+    return np.pad(mask, border)[..., None]
+
+
+def test_a_close_crop_is_light_unless_the_folder_says_otherwise() -> None:
+    tight = letter()
+    assert (
+        frame(tight, 32).background == "dark" and frame(1 - tight, 32, Framing(undecided="dark")).background == "light"
+    )
+    assert torch.equal(frame(tight, 32).image, frame(1 - tight, 32, Framing(undecided="dark")).image)
+    for polarity, picture in (("light", tight), ("dark", 1 - tight)):
+        assert torch.equal(frame(picture, 32, Framing(polarity=polarity)).image, frame(tight, 32).image)
+
+
+def test_masks_whose_border_is_clear_tell_the_usual_polarity() -> None:
+    tight, wide = letter(), letter(4)
+    assert usual_polarity([tight, 1 - tight]) == "light"
+    assert usual_polarity([tight, 1 - wide, 1 - wide, wide]) == "dark"
+    assert usual_polarity([1 - tight, 1 - wide, wide, wide]) == "light"
+
+
+@pytest.mark.parametrize("values", [(0, 1 / 255), (0, 20 / 255), (3 / 255, 4 / 255)])
+def test_two_values_are_a_mask_whatever_they_are(values: tuple[float, float]) -> None:
+    low, high = values
+    assert torch.equal(frame(low + (high - low) * letter(4), 32).image, frame(letter(4), 32).image)
+
+
+def test_dirt_does_not_decide_the_crop() -> None:
+    clean = letter(20).repeat(2, 0).repeat(2, 1)
+    dirty = clean.copy()
+    dirty[0, 0] = dirty[-1, -1] = 1
+    assert torch.equal(frame(dirty, 32).image, frame(clean, 32).image)
+    dirty[2:6, 2:6] = 1  # a part
+    assert not torch.equal(frame(dirty, 32).image, frame(clean, 32).image)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -100,3 +101,25 @@ def test_every_kind_is_said_once() -> None:
 def test_names_that_people_give_to_a_light_are_understood(tmp_path: Path, name: str, meant: str) -> None:
     put(tmp_path / name / "a.jpg")
     assert f"Perhaps you meant '{meant}'" in unsorted(tmp_path)[tmp_path / name / "a.jpg"]
+
+
+def test_sub_folders_are_found_in_any_case(tmp_path: Path) -> None:
+    (tmp_path / "Flash").mkdir()
+    pixels = np.random.default_rng(0).integers(0, 255, (32, 32, 3), dtype=np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "Flash" / "a.png")
+    assert photographed(tmp_path) == ("flash",) and not unsorted(tmp_path)
+    assert len(Collection.photographs(tmp_path, "flash", 16)) == 1
+
+
+def test_blank_photographs_are_none(tmp_path: Path) -> None:
+    (tmp_path / "flash").mkdir()
+    rng = np.random.default_rng(0)
+    black = np.zeros((32, 32, 3))
+    pictures = {"a": rng.integers(0, 255, (32, 32, 3)), "black": black, "white": black + 255}
+    pictures["clear"] = np.concatenate([pictures["a"], np.zeros((32, 32, 1))], 2)
+    for name, pixels in pictures.items():
+        Image.fromarray(pixels.astype(np.uint8)).save(tmp_path / "flash" / f"{name}.png")
+    found = Collection.photographs(tmp_path, "flash", 16)
+    assert found.names == ("flash/a.png",) and len(found.skipped) == 3
+    assert dict(found.skipped)["flash/white.png"] == "is white throughout; remove it"
+    assert dict(found.skipped)["flash/clear.png"] == "is transparent throughout; remove it"

@@ -270,3 +270,37 @@ def test_an_accent_may_be_spelt_in_two_ways(tmp_path: Path) -> None:
     (tmp_path / "views.csv").write_text(unicodedata.normalize("NFC", "file,azimuth\nné.png,90\n"), encoding="utf-8")
     latents = read(tmp_path).latents
     assert latents is not None and latents["azimuth"].tolist() == pytest.approx([math.pi / 2])
+
+
+def test_a_table_of_views_is_found_in_any_case_and_where_it_is_read(tmp_path: Path) -> None:
+    save(tmp_path / "sub" / "a.png")
+    (tmp_path / "sub" / "views.csv").write_text("file,azimuth\na.png,90\n")
+    with pytest.warns(UserWarning, match="sub/views.csv: is not read"):
+        assert read(tmp_path).latents is None
+    (tmp_path / "Views.CSV").write_text("file,azimuth\nsub/a.png,90\n")
+    assert (read(tmp_path).latents or {})["azimuth"].tolist() == pytest.approx([math.pi / 2])
+
+
+def test_angles_that_may_be_radians_are_said(tmp_path: Path) -> None:
+    save(tmp_path / "a.png")
+    save(tmp_path / "b.png")
+    (tmp_path / "views.csv").write_text("file,azimuth\na.png,0.5\nb.png,6.1\n")
+    with pytest.warns(UserWarning, match="no angle is beyond 6.3; they are taken for degrees, not for radians"):
+        read(tmp_path)
+    (tmp_path / "views.csv").write_text("file,azimuth,elevation\na.png,0.5,95\nb.png,6.1,0\n")
+    with pytest.raises(UserError, match="line 2: an elevation of 95 degrees is beyond a pole"):
+        read(tmp_path)
+
+
+def test_the_polarity_of_close_crops_is_that_of_the_folder_and_of_its_pack(tmp_path: Path) -> None:
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    for k in range(3):
+        save(folder / f"{k}.png", 255 - block())
+    tight = np.full((40, 30), 255, np.uint8)
+    tight[:, :12] = tight[-14:] = 0
+    save(folder / "tight.png", tight)
+    found = read(folder)
+    assert found.floats()[-1].mean() < 0.5
+    pack(folder, tmp_path / "masks.npz", How())
+    assert torch.equal(read(tmp_path / "masks.npz").floats(), found.floats())

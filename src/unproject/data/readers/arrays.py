@@ -24,9 +24,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..._files import check_regular, check_unpacked
-from ..._pictures import LONGEST, UnusablePicture
+from ..._pictures import LONGEST
 from ..._types import UserError
 from ..lazy import Lazy
+from .array_masks import are_inverted, masks_of, refuse_colours, warn_of_axes, warn_of_inversion
 from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .how import How
@@ -61,11 +62,14 @@ def read_arrays(path: Path, how: How) -> Found:
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
         return found._replace(items=resized_volumes(_volumes(path, key, values), how.size))
     pictures = _channels_first(path, key, values)
+    if not how.images:
+        refuse_colours(path, key, pictures)
+        warn_of_axes(path, key, tuple(values.shape))
     if isinstance(stored, np.memmap):
-        return _in_file(path, found, pictures, how)
+        return _in_file(path, key, found, pictures, how)
     if how.images:
         return found._replace(items=as_images(_of_eight_bits(pictures), how.size, how.colour), white=EIGHT_BITS)
-    return _silhouettes(path, found, pictures, how)
+    return masks_of(path, key, found, pictures, how)
 
 
 def unread_arrays(path: Path) -> dict[str, tuple[int, ...]]:
@@ -249,7 +253,7 @@ def _of_eight_bits(pictures: Tensor) -> Tensor:
     return pictures * EIGHT_BITS if pictures.dtype == torch.uint8 and white_of(pictures) == 1 else pictures
 
 
-def _in_file(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
+def _in_file(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> Found:
     """Pictures that stay in their file: what `as_images` and `_silhouettes` make of them is made by the batch."""
     white, framing = white_of(pictures), how.framing or AS_GIVEN
     if how.images:
@@ -260,50 +264,18 @@ def _in_file(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
 
         return found._replace(items=Lazy(pictures, change=grey), white=EIGHT_BITS)
     size = how.size or max(pictures.shape[2:])
-    if pictures.shape[1:] == (1, size, size) and framing == AS_GIVEN:
-        return found._replace(items=Lazy(pictures), white=white)
     if framing != AS_GIVEN:  # some may have to be skipped
-        return _silhouettes(path, found, pictures, how)
+        return masks_of(path, key, found, pictures, how)
+    inverted = pictures.shape[1] == 1 and are_inverted(pictures, white)
+    if inverted:
+        warn_of_inversion(path, key)
+    if pictures.shape[1:] == (1, size, size) and not inverted:
+        return found._replace(items=Lazy(pictures), white=white)
     eight_bits = not pictures.is_floating_point()
 
     def resampled(some: Tensor) -> Tensor:
+        some = white - some if inverted else some
         images = torch.stack([frame(x.movedim(0, 2).numpy(), size, AS_GIVEN).image for x in to_floats(some, white)])
         return to_bytes(images) if eight_bits else images
 
     return found._replace(items=Lazy(pictures, change=resampled), white=255 if eight_bits else 1)
-
-
-def _silhouettes(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
-    framing, (channels, *sides) = how.framing or AS_GIVEN, pictures.shape[1:]
-    if framing == AS_GIVEN and channels == 1 and (how.size is None or sides == [how.size] * 2):
-        return found._replace(items=pictures)
-    return _framed(path, found, pictures, How(how.size or max(sides), framing=framing, strict=how.strict))
-
-
-def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
-    """The pictures that can be framed, in 8 bits unless they are floats whose values are kept."""
-    assert how.size is not None and how.framing is not None
-    skipped, white = {}, white_of(pictures)
-    exact = pictures.is_floating_point() and how.framing.threshold is None
-    items = torch.empty(len(pictures), 1, how.size, how.size, dtype=torch.float32 if exact else torch.uint8)
-    rows: list[int] = []
-    for row, picture in enumerate(pictures):
-        try:
-            image = frame(to_floats(picture, white).movedim(0, 2).numpy(), how.size, how.framing).image
-            items[len(rows)] = image if exact else to_bytes(image)
-            rows.append(row)
-        except UnusablePicture as reason:
-            if how.strict:
-                raise UserError(f"{path}, item {row}: {reason}; fix or remove it, or leave out --strict") from None
-            skipped[f"{row:05d}"] = str(reason)
-    if not rows:
-        raise UserError(f"{path}: none of the {len(pictures)} pictures can be used (item 0: {skipped['00000']})")
-    names = [f"{row:05d}" for row in rows] if found.names is None else [str(found.names[row]) for row in rows]
-    return Found(
-        items[: len(rows)],
-        names,
-        None if found.latents is None else {name: value[rows] for name, value in found.latents.items()},
-        (*found.skipped, *skipped.items()),
-        str(path),
-        1 if exact else 255,
-    )

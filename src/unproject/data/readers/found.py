@@ -47,8 +47,12 @@ def chunks(items: Tensor | Lazy) -> Iterable[Tensor]:
 
 
 def white_of(items: Tensor | Lazy) -> int:
-    """The stored value that stands for 1: 255 for uint8 with values above 1, else 1."""
-    return 255 if items.dtype == torch.uint8 and any(int(part.max()) > 1 for part in chunks(items)) else 1
+    """The stored value that stands for 1: 1 of floats, 255 of uint8; of labels, whose only value is dark, that one."""
+    highest = max(int(part.max()) for part in chunks(items)) if items.dtype == torch.uint8 else 1
+    if highest > 127:
+        return 255
+    labels = all(bool(((part == 0) | (part == highest)).all()) for part in chunks(items)) if highest > 1 else True
+    return max(highest, 1) if labels else 255
 
 
 def to_floats(items: Tensor, white: int) -> Tensor:

@@ -3,12 +3,15 @@
 1. Coverage. If the picture has an alpha channel that is not fully opaque, its coverage is the alpha. Otherwise it
    is the distance from the background, d = max over channels |I - b|, where b is the median colour of the
    border. So a white mask on black, a black mask on white and a product photograph on a plain backdrop all give
-   coverage near 0 outside the object: the polarity is read off the border. An object that fills most of the
-   border needs `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1).
+   coverage near 0 outside the object: the polarity is read off the border. Of a mask whose object takes more than
+   a tenth of the border, as close crops are, it is that of most masks of the folder whose border tells it, else light
+   objects. `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1) is of all. What has two values
+   alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1.
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
    least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph of whose border nearly
-   half belongs to the object stands before no plain backdrop, and is skipped unless a polarity is given.
+   half belongs to the object stands before no plain backdrop, and is skipped unless a polarity is given. Parts of
+   less than a thousandth of the largest one are dirt and left out.
 3. Crop. The object's bounding box is centred in a square whose side is the box's longer side / `fill`
    (0.85: a margin of 7.5 % on both sides). Aspect is kept. What the square takes in beyond the picture is empty.
 4. Resampling. Every pixel of the (size, size) result is the share of its area that the object covers, a
@@ -20,12 +23,13 @@ with `threshold=None` as well (`AS_GIVEN`), values are kept as they are.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import torch
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, label
 from torch import Tensor
 from torch.nn import functional
 
@@ -39,6 +43,9 @@ Window = tuple[float, float, float]
 
 UNEVEN = 0.47
 """Share of a photograph's border that may differ from its backdrop: close crops touch it, grass below sky is half."""
+TOUCHED, CLEAR, SPECK = 0.1, 0.02, 1e-3
+"""Shares of a mask's border that its object takes: beyond the first the border does not tell the polarity, up to the
+second it surely does. And the size of dirt, of the largest part's."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,7 @@ class Framing:
         photo_threshold: the same for photographs on a plain backdrop.
         fill: the object's longer side as a share of the frame's.
         polarity: "auto" reads the background off the border; else the object is "light" or "dark".
+        undecided: what objects are in masks whose border does not tell: "light", or "dark" (`usual_polarity`).
         binary: cut the result at one half.
         min_pixels: an object whose longer side is shorter is skipped.
     """
@@ -62,6 +70,7 @@ class Framing:
     polarity: Polarity = "auto"
     binary: bool = False
     min_pixels: int = 8
+    undecided: Literal["light", "dark"] = "light"
 
     def __post_init__(self) -> None:
         if self.mode not in ("crop", "keep") or self.polarity not in ("auto", "light", "dark"):
@@ -106,12 +115,12 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     """
     rule = Framing() if framing is None else framing
     picture = picture[..., None] if picture.ndim == 2 else picture
-    coverage, background = coverage_of(picture, rule.polarity)
+    coverage, background = coverage_of(picture, rule.polarity, rule.undecided)
     channel = "alpha" if background == "transparent" else "luminance"
     if rule.threshold is not None:
         photograph = channel == "luminance" and not is_mask(coverage)
         channel = "photograph" if photograph else channel
-        coverage = (coverage >= (rule.photo_threshold if photograph else rule.threshold)).astype(np.float32)
+        coverage = without_specks(coverage >= (rule.photo_threshold if photograph else rule.threshold))
         _check_object(coverage, rule.min_pixels)
         if photograph and rule.polarity == "auto":
             _check_backdrop(coverage)
@@ -121,8 +130,13 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height)
 
 
-def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.ndarray, str]:
-    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is."""
+def coverage_of(
+    picture: np.ndarray, polarity: Polarity = "auto", undecided: Literal["light", "dark"] | None = None
+) -> tuple[np.ndarray, str]:
+    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is.
+
+    Without `undecided` it is read off the border even where that hardly tells.
+    """
     channels = picture.shape[-1]
     if channels in (2, 4):
         if picture[..., -1].min() < 1:
@@ -130,8 +144,32 @@ def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.nd
         picture = picture[..., :-1]
     background = {"light": 0.0, "dark": 1.0}.get(polarity)
     colour = border_colour(picture) if background is None else np.full(picture.shape[-1], background)
-    distance = np.abs(picture - colour).max(-1)
-    return distance.astype(np.float32), "light" if colour.mean() > 0.5 else "dark"
+    distance = np.abs(picture - colour).max(-1).astype(np.float32)
+    highest = distance.max()
+    if 0 < highest < 1 and np.isin(distance, (0, highest)).all():
+        distance = distance / highest
+    if background is None and undecided and _border(distance >= 0.5).mean() > TOUCHED and is_mask(distance):
+        return coverage_of(picture, undecided)
+    return distance, "light" if colour.mean() > 0.5 else "dark"
+
+
+def usual_polarity(pictures: Iterable[np.ndarray]) -> Literal["light", "dark"]:
+    """Return what objects are in most masks (H, W, C) of which the border tells it; light ones if none does."""
+    backgrounds = []
+    for picture in pictures:
+        coverage, background = coverage_of(picture)
+        if background != "transparent" and _border(coverage >= 0.5).mean() <= CLEAR and is_mask(coverage):
+            backgrounds.append(background)
+    return "dark" if backgrounds.count("light") > backgrounds.count("dark") else "light"
+
+
+def without_specks(mask: np.ndarray) -> np.ndarray:
+    """A mask (H, W) of bools as float32, without parts that are below a thousandth of the largest, diagonals joined."""
+    parts, count = label(mask, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+    if count > 1:
+        sizes = np.bincount(parts.ravel())
+        mask = mask & (sizes >= SPECK * sizes[1:].max())[parts]
+    return mask.astype(np.float32)
 
 
 def border_colour(picture: np.ndarray) -> np.ndarray:

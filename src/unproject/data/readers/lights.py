@@ -61,7 +61,14 @@ FIRST = ("flash", "coloured", "ambient", "overhead")
 
 def photographed(path: Path) -> tuple[str, ...]:
     """The observations that a folder has sub-folders of pictures for, in the order of `OBSERVATIONS`."""
-    return tuple(name for name in OBSERVATIONS if (path / name).is_dir())
+    return tuple(name for name in OBSERVATIONS if sub_folder(path, name) is not None)
+
+
+def sub_folder(path: Path, name: str) -> Path | None:
+    """The sub-folder of an observation, spelt in small letters or others; None if there is none."""
+    if (path / name).is_dir() or not path.is_dir():
+        return path / name if path.is_dir() else None
+    return next((below for below in sorted(path.iterdir()) if below.name.lower() == name and below.is_dir()), None)
 
 
 def unsorted(path: Path) -> dict[Path, str]:
@@ -76,7 +83,7 @@ def unsorted(path: Path) -> dict[Path, str]:
             found[file] = f"{file.suffix} is not read; {SAVE}"
         elif not below:
             found[file] = f"lies in no sub-folder that says its light; move it into one, such as {path / 'daylight'}"
-        elif first not in OBSERVATIONS:
+        elif first.lower() not in OBSERVATIONS:
             found[file] = f"{path / first}: names neither a map nor a light{_meant(first)}"
     return found
 

@@ -10,8 +10,8 @@ from ..._types import UserError
 from .arrays import read_arrays
 from .found import Found, check_size
 from .how import How
+from .pictures import SAVE, UNREAD, is_hidden, read_pictures
 from .pictures import SUFFIXES as PICTURES
-from .pictures import is_hidden, read_pictures
 from .shapes import SUFFIXES as SHAPES
 from .shapes import find_volumes, is_shape_archive, split_selector
 
@@ -33,6 +33,8 @@ def find(path: str | os.PathLike[str], how: How) -> Found:
         return find_volumes(path, how.size, strict=how.strict)
     if file.suffix.lower() in PICTURES:
         raise UserError(f"{path}: is one picture; name the folder it lies in")
+    if file.suffix.lower() in UNREAD:
+        raise UserError(f"{path}: {file.suffix} is not read; {SAVE}, into a folder")
     return read_arrays(file, how)
 
 

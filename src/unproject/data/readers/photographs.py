@@ -20,7 +20,7 @@ from ...ops.exposure import develop, linear_from_srgb
 from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
-from .lights import SAVE, SUFFIXES, UNREAD, picture_files
+from .lights import SAVE, SUFFIXES, UNREAD, picture_files, sub_folder
 
 SMOOTHEST = 1e-3
 
@@ -34,7 +34,7 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False, col
     Raises:
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
     """
-    folder = path / name
+    folder = sub_folder(path, name) or path / name
     files = picture_files(folder, SUFFIXES)
     if not files and (unread := picture_files(folder, UNREAD)):
         raise UserError(f"{folder}: holds no picture that can be read: {unread[0].suffix} is not, {SAVE}")
@@ -69,7 +69,11 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
+    if pixels.shape[2] in (2, 4) and not pixels[..., -1].any():
+        raise UserError(f"{file}: is transparent throughout; remove it")
     pixels = pixels[..., : 3 if pixels.shape[2] >= 3 else 1]
+    if name not in MAPS and (pixels.max() <= 0 or pixels.min() >= 1):
+        raise UserError(f"{file}: is {'black' if pixels.max() <= 0 else 'white'} throughout; remove it")
     if name == "normal" and pixels.min() < -OVERSHOOT:
         raise UserError(f"{file}: values run from {pixels.min():.3g}; give normals as ½ + ½ n, flat being (½, ½, 1)")
     if name in MAPS and pixels.max() > 1 + OVERSHOOT:

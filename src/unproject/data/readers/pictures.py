@@ -6,7 +6,9 @@ Files are taken recursively and in the order of their names. One that cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +17,9 @@ import torch
 from ..._files import paths_below
 from ..._pictures import UnusablePicture, read_displayed
 from ..._types import UserError
+from ..sampling import spread_rows
 from .found import Found, to_bytes
-from .framing import Framing, frame
+from .framing import Framing, frame, usual_polarity
 from .how import How
 from .images import as_images
 from .surveying import Item, Read, Survey, survey
@@ -24,6 +27,8 @@ from .views import views_beside
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 SIZE = 64
+LOOKED_AT = 64
+"""Pictures of a folder that are looked at to tell whether objects are light or dark in most of them."""
 UNREAD = (
     ".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif", ".svg", ".psd", ".xcf",
     ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".exr", ".hdr", ".dcm", ".mrc",
@@ -45,12 +50,15 @@ def read_pictures(path: Path, how: How) -> Found:
 
 def survey_pictures(path: Path, how: How) -> Survey:
     """Read every picture of a folder: as it is, or as a silhouette."""
-    return survey(path, required_pictures(path, (*SUFFIXES, *UNREAD)), reading(how), how.strict)
+    files = required_pictures(path, (*SUFFIXES, *UNREAD))
+    return survey(path, files, reading(how, files), how.strict)
 
 
-def reading(how: How) -> Read:
-    """Return what reads one file; it says of those that no reader takes what to do."""
+def reading(how: How, files: Sequence[Path]) -> Read:
+    """Return what reads one of these files; it says of those that no reader takes what to do."""
     size, framing = how.size or SIZE, how.framing or Framing()
+    if not how.images and framing.polarity == "auto":
+        framing = replace(framing, undecided=usual_polarity(_some(files)))
 
     def read(file: Path) -> Item:
         if file.suffix.lower() in UNREAD:
@@ -58,6 +66,14 @@ def reading(how: How) -> Read:
         return _image(file, how) if how.images else _silhouette(file, size, framing)
 
     return read
+
+
+def _some(files: Sequence[Path]) -> Iterator[np.ndarray]:
+    """Pictures (H, W, C) of those files of which one can be made, `LOOKED_AT` at most, spread over them."""
+    for row in spread_rows(len(files), LOOKED_AT).tolist():
+        if files[row].suffix.lower() in SUFFIXES:
+            with suppress(UnusablePicture):
+                yield unit_values(read_displayed(files[row]))
 
 
 def _silhouette(file: Path, size: int, framing: Framing) -> Item:
@@ -123,6 +139,8 @@ def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path
 
 def required_pictures(path: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
     """The pictures in a folder and its subfolders (`picture_files`). Raises UserError if there is none."""
+    if path.is_file():
+        raise UserError(f"{path}: is a file; name a folder of pictures")
     if not path.is_dir():
         raise UserError(f"{path}: there is no such folder; check the path")
     files = picture_files(path, suffixes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import unicodedata
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,9 +18,21 @@ VIEWS = "views.csv"
 
 
 def views_beside(folder: Path, names: Sequence[str], skipped: Sequence[str]) -> dict[str, Tensor] | None:
-    """The views of a folder's pictures; None if it has no `views.csv`."""
-    file = folder / VIEWS
-    return read_views(file, names, skipped) if file.is_file() else None
+    """The views of a folder's pictures; None if it has no `views.csv`, in whatever case."""
+    below = (file for file in sorted(folder.iterdir()) if file.name.lower() == VIEWS and file.is_file())
+    file = folder / VIEWS if (folder / VIEWS).is_file() else next(below, None)
+    if file is not None:
+        return read_views(file, names, skipped)
+    deeper = next((folder / part / VIEWS for part in sorted({*map(_folder_of, names)}) if part), None)
+    if deeper is not None and deeper.is_file():
+        warnings.warn(
+            f"{deeper}: is not read; put one table beside the folders, file being the path below", stacklevel=2
+        )
+    return None
+
+
+def _folder_of(name: str) -> str:
+    return name.rpartition("/")[0]
 
 
 def read_views(file: Path, names: Sequence[str], skipped: Sequence[str] = ()) -> dict[str, Tensor]:
@@ -33,7 +46,7 @@ def read_views(file: Path, names: Sequence[str], skipped: Sequence[str] = ()) ->
     views: dict[str, list[float]] = {}
     there = {unicodedata.normalize("NFC", name): name for name in (*skipped, *names)}  # systems spell é in two ways
     for line, row in rows:
-        said, degrees = _read_row(file, line, row, columns)
+        said, angles = _read_row(file, line, row, columns)
         name = there.get(unicodedata.normalize("NFC", said), said)
         if name in views:
             raise UserError(f"{file}, line {line}: {name} has a row already; keep one")
@@ -41,15 +54,17 @@ def read_views(file: Path, names: Sequence[str], skipped: Sequence[str] = ()) ->
             raise UserError(
                 f"{file}, line {line}: there is no picture {name} beside it; fix the name or remove the row"
             )
-        views[name] = degrees
+        views[name] = angles
     missing = [name for name in names if name not in views]
     if missing:
         raise UserError(
             f"{file}: {len(missing)} pictures have no row, the first is {missing[0]}; "
             "add them, or remove views.csv if views are unknown"
         )
-    table = torch.tensor([views[name] for name in names], dtype=torch.float64) * (math.pi / 180)
-    return {column: table[:, k].float() for k, column in enumerate(columns)}
+    degrees = torch.tensor([views[name] for name in names], dtype=torch.float64)
+    if degrees.abs().max() <= 2 * math.pi and bool((degrees % 1).any()):
+        warnings.warn(f"{file}: no angle is beyond 6.3; they are taken for degrees, not for radians", stacklevel=2)
+    return {column: degrees[:, k].deg2rad().float() for k, column in enumerate(columns)}
 
 
 def _read_table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -77,4 +92,6 @@ def _read_row(file: Path, line: int, row: list[str], columns: list[str]) -> tupl
         degrees = [math.nan]
     if not all(map(math.isfinite, degrees)):
         raise UserError(f"{file}, line {line}: {','.join(row[1:])!r} is no angle; give degrees as numbers")
+    if len(degrees) > 1 and abs(degrees[1]) > 90:
+        raise UserError(f"{file}, line {line}: an elevation of {degrees[1]:g} degrees is beyond a pole; give -90 to 90")
     return row[0].replace("\\", "/"), degrees

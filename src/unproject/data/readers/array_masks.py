@@ -1,0 +1,136 @@
+"""Masks in arrays, which are taken as they are: what they are told to be, and what nothing can be learned from."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from ..._pictures import UnusablePicture
+from ..._types import UserError
+from ..sampling import spread_rows
+from .found import Found, chunks, to_bytes, to_floats, white_of
+from .framing import AS_GIVEN, frame
+from .how import How
+
+LOOKED_AT = 1024
+"""Masks that are looked at to tell whether all are inverted."""
+GREY = 0.02
+"""Mean difference of channels up to which three of them are one."""
+
+
+def refuse_colours(path: Path, key: str, pictures: Tensor) -> None:
+    """Refuse pictures (N, 3 or 4, H, W) in colour: nobody has told the object from what is around it.
+
+    Raises:
+        UserError: saying what to give instead.
+    """
+    if pictures.shape[1] < 3:
+        return
+    some = pictures[spread_rows(len(pictures), 64)][:, :3].float()
+    opaque = pictures.shape[1] == 3 or bool((pictures[:, 3] == pictures[:, 3].max()).all())
+    if opaque and (some.amax(1) - some.amin(1)).mean() > GREY * max(float(some.max()), 1e-6):
+        raise UserError(
+            f"{path}: {key}: colour pictures are no masks; give masks, alpha as a fourth channel, or a folder of the "
+            "pictures, in which objects are told from a plain backdrop (of surfaces: see materials)"
+        )
+
+
+def warn_of_axes(path: Path, key: str, shape: tuple[int, ...]) -> None:
+    """Warn of an array (H, W, N), which passes for H masks of W × N pixels."""
+    if len(shape) == 3 and shape[0] == shape[1] != shape[2]:
+        warnings.warn(
+            f"{path}: {key}: {shape} is taken for {shape[0]} masks of {shape[2]} x {shape[1]} pixels; if it is "
+            "(H, W, N), save array.transpose(2, 0, 1)",
+            stacklevel=2,
+        )
+
+
+def are_inverted(pictures: Tensor, white: int) -> bool:
+    """Whether most masks (N, 1, H, W) are bright along nine tenths of their border, as no object before a ground is."""
+    some = to_floats(pictures[spread_rows(len(pictures), LOOKED_AT)], white) > 0.5
+    border = torch.cat([some[:, 0, 0], some[:, 0, -1], some[:, 0, :, 0], some[:, 0, :, -1]], 1).float().mean(1)
+    full = some.flatten(1).float().mean(1) > 0.99
+    return bool(((border > 0.9) & ~full).float().mean() > 0.5)
+
+
+def warn_of_inversion(path: Path, key: str) -> None:
+    warnings.warn(
+        f"{path}: {key}: most masks are bright along their border, so that they are taken for dark objects on a light "
+        "ground; save 1 inside of objects and 0 outside",
+        stacklevel=2,
+    )
+
+
+def shown_rows(pictures: Tensor, white: int) -> Tensor:
+    """Return the rows of masks (N, ...) that show anything, above one half."""
+    shown = [(to_floats(part, white) > 0.5).flatten(1).any(1) for part in chunks(pictures)]
+    return torch.cat(shown).nonzero()[:, 0]
+
+
+def masks_of(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> Found:
+    """Return the masks of an array (N, C, H, W), framed if asked for or of another size.
+
+    Raises:
+        UserError: if none of them shows anything.
+    """
+    framing, (channels, *sides) = how.framing or AS_GIVEN, pictures.shape[1:]
+    if framing == AS_GIVEN and channels == 1:
+        white = white_of(pictures)
+        if are_inverted(pictures, white):
+            warn_of_inversion(path, key)
+            pictures = white - pictures
+        found, pictures = _shown(path, key, found, pictures, white)
+    if framing == AS_GIVEN and channels == 1 and (how.size is None or sides == [how.size] * 2):
+        return found._replace(items=pictures)
+    return _framed(path, found, pictures, How(how.size or max(sides), framing=framing, strict=how.strict))
+
+
+def _shown(path: Path, key: str, found: Found, pictures: Tensor, white: int) -> tuple[Found, Tensor]:
+    """Leave out masks that show nothing.
+
+    Raises:
+        UserError: if none does.
+    """
+    rows = shown_rows(pictures, white)
+    if not len(rows):
+        raise UserError(f"{path}: {key}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
+    if len(rows) == len(pictures):
+        return found, pictures
+    names = [f"{row:05d}" for row in range(len(pictures))] if found.names is None else [*map(str, found.names)]
+    blank = sorted({*range(len(pictures))} - {*rows.tolist()})
+    skipped = [(names[row], "empty: no pixel reaches the threshold") for row in blank]
+    latents = None if found.latents is None else {name: value[rows] for name, value in found.latents.items()}
+    kept = found._replace(names=[names[row] for row in rows.tolist()], latents=latents)
+    return kept._replace(skipped=(*found.skipped, *skipped)), pictures[rows]
+
+
+def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
+    """The pictures that can be framed, in 8 bits unless they are floats whose values are kept."""
+    assert how.size is not None and how.framing is not None
+    skipped, white = {}, white_of(pictures)
+    exact = pictures.is_floating_point() and how.framing.threshold is None
+    items = torch.empty(len(pictures), 1, how.size, how.size, dtype=torch.float32 if exact else torch.uint8)
+    rows: list[int] = []
+    for row, picture in enumerate(pictures):
+        try:
+            image = frame(to_floats(picture, white).movedim(0, 2).numpy(), how.size, how.framing).image
+            items[len(rows)] = image if exact else to_bytes(image)
+            rows.append(row)
+        except UnusablePicture as reason:
+            if how.strict:
+                raise UserError(f"{path}, item {row}: {reason}; fix or remove it, or leave out --strict") from None
+            skipped[f"{row:05d}"] = str(reason)
+    if not rows:
+        raise UserError(f"{path}: none of the {len(pictures)} pictures can be used (item 0: {skipped['00000']})")
+    names = [f"{row:05d}" for row in rows] if found.names is None else [str(found.names[row]) for row in rows]
+    return Found(
+        items[: len(rows)],
+        names,
+        None if found.latents is None else {name: value[rows] for name, value in found.latents.items()},
+        (*found.skipped, *skipped.items()),
+        str(path),
+        1 if exact else 255,
+    )
