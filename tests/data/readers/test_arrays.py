@@ -256,3 +256,15 @@ def test_the_number_of_masks_comes_first(tmp_path: Path) -> None:
     np.savez(tmp_path / "last.npz", masks=blocks(9).transpose(1, 2, 0))
     with pytest.warns(UserWarning, match=r"\(16, 16, 9\) is taken for 16 masks of 9 x 16 pixels"):
         Collection.silhouettes(tmp_path / "last.npz")
+
+
+def test_sinograms_in_another_order_of_axes_are_said(tmp_path: Path) -> None:
+    """From every angle the sum over detectors is the object's mass."""
+    detector, angle = np.linspace(-1, 1, 16)[:, None], np.linspace(0, np.pi, 12, endpoint=False)
+    one = np.exp(-((detector - 0.4 * np.cos(angle)) ** 2) / 0.02).astype(np.float32)
+    sinograms = np.stack([one, one[::-1]])
+    np.savez(tmp_path / "right.npz", sinograms=sinograms)
+    assert Collection.lines(tmp_path / "right.npz").shape == (1, 16)
+    np.savez(tmp_path / "wrong.npz", sinograms=sinograms.swapaxes(1, 2))
+    with pytest.warns(UserWarning, match=r"sinograms are \(M, D, A\), detectors by angles; if this is \(M, A, D\)"):
+        Collection.lines(tmp_path / "wrong.npz")

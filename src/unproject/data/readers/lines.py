@@ -18,6 +18,8 @@ LINES = ("line", "lines", "line_integrals")
 SINOGRAMS = ("sinogram", "sinograms")
 MOST_RADIANS = 4 * math.pi
 """Angles beyond are taken for degrees."""
+ENOUGH, UNLIKE, ALIKE = 4, 0.2, 0.05
+"""Detectors and angles at least, and how uneven sums over them are, if the axes are surely in another order."""
 
 
 def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor] | None) -> Found:
@@ -39,9 +41,21 @@ def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor]
     if key in LINES:
         return Found(values, latents=latents, source=str(path))
     count, detectors, angles = values.shape
+    if min(detectors, angles) >= ENOUGH and _uneven(values, 1) > UNLIKE and _uneven(values, 2) < ALIKE:
+        warnings.warn(
+            f"{path}: {key}: sums along the last axis are alike, as those over detectors are from all angles; sinograms "
+            "are (M, D, A), detectors by angles; if this is (M, A, D), save array.swapaxes(1, 2)",
+            stacklevel=2,
+        )
     names = [f"{i:05d}#{k}" for i in range(count) for k in range(angles)]
     repeated = None if latents is None else {name: angle.repeat(count) for name, angle in latents.items()}
     return Found(values.mT.reshape(-1, 1, detectors), names, repeated, source=str(path))
+
+
+def _uneven(sinograms: Tensor, axis: int) -> float:
+    """Return how much sums along an axis differ over the other, deviation over mean, in the middle of the sinograms."""
+    sums = sinograms.float().sum(axis)
+    return float((sums.std(1) / sums.mean(1).abs().clamp_min(1e-9)).median())
 
 
 def count_of_angles(key: str, values: Tensor) -> int:
