@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from unproject._types import UserError
 from unproject.data import AS_GIVEN, Framing, UnusablePicture, frame
-from unproject.data.readers.framing import area_resample, is_mask, usual_polarity
+from unproject.data.readers.framing import area_resample, is_mask
 
 
 def disc(height: int, width: int, row: float, column: float, radius: float) -> np.ndarray:
@@ -197,9 +197,18 @@ def test_a_close_crop_is_light_unless_the_folder_says_otherwise() -> None:
 
 def test_masks_whose_border_is_clear_tell_the_usual_polarity() -> None:
     tight, wide = letter(), letter(4)
-    assert usual_polarity([tight, 1 - tight]) == "light"
-    assert usual_polarity([tight, 1 - wide, 1 - wide, wide]) == "dark"
-    assert usual_polarity([1 - tight, 1 - wide, wide, wide]) == "light"
+    assert Framing().as_most([tight, 1 - wide, 1 - wide, wide]) == Framing(undecided="dark")
+    assert Framing().as_most([1 - tight, 1 - wide, wide, wide]) == Framing()
+    assert Framing(polarity="dark").as_most([wide]) == Framing(polarity="dark")
+
+
+def test_of_a_folder_of_close_crops_no_border_tells() -> None:
+    """A box seen from its side fills the border whole, and what it leaves free would pass for a dark object."""
+    tight, box = letter(), np.ones((40, 30, 1))
+    box[10:20, 10:20] = 0
+    rule = Framing().as_most([tight, tight, box])
+    assert rule == Framing(close=True)
+    assert frame(box, 32, rule).background == "dark" and frame(box, 32).background == "light"
 
 
 @pytest.mark.parametrize("values", [(0, 1 / 255), (0, 20 / 255), (3 / 255, 4 / 255)])

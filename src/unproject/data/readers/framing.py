@@ -4,8 +4,8 @@
    is the distance from the background, d = max over channels |I - b|, where b is the median colour of the
    border. So a white mask on black, a black mask on white and a product photograph on a plain backdrop all give
    coverage near 0 outside the object: the polarity is read off the border. Of a mask whose object takes more than
-   a tenth of the border, as close crops are, it is that of most masks of the folder whose border tells it, else light
-   objects. `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1) is of all. What has two values
+   a tenth of the border, as close crops are, it is that of most masks of the folder whose border tells it; where most
+   are so close, all show light objects. `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1) is of all. What has two values
    alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1.
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
@@ -24,7 +24,7 @@ with `threshold=None` as well (`AS_GIVEN`), values are kept as they are.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -58,7 +58,8 @@ class Framing:
         photo_threshold: the same for photographs on a plain backdrop.
         fill: the object's longer side as a share of the frame's.
         polarity: "auto" reads the background off the border; else the object is "light" or "dark".
-        undecided: what objects are in masks whose border does not tell: "light", or "dark" (`usual_polarity`).
+        undecided: what objects are in masks whose border does not tell: "light", or "dark" (`as_most`).
+        close: masks are cut so closely that no border tells.
         binary: cut the result at one half.
         min_pixels: an object whose longer side is shorter is skipped.
     """
@@ -71,6 +72,7 @@ class Framing:
     binary: bool = False
     min_pixels: int = 8
     undecided: Literal["light", "dark"] = "light"
+    close: bool = False
 
     def __post_init__(self) -> None:
         if self.mode not in ("crop", "keep") or self.polarity not in ("auto", "light", "dark"):
@@ -83,6 +85,20 @@ class Framing:
             value = getattr(self, name)
             if value is not None and not 0 < value <= 1:
                 raise UserError(f"framing: {name} is above 0 and at most 1, not {value}")
+
+    def as_most(self, pictures: Iterable[np.ndarray]) -> Framing:
+        """Return the rule for masks like these (H, W, C), where it reads polarities off borders."""
+        if self.polarity != "auto":
+            return self
+        told, masks = [], 0
+        for picture in pictures:
+            coverage, background = coverage_of(picture)
+            if background != "transparent" and is_mask(coverage):
+                masks += 1
+                told += [background] if _border(coverage >= 0.5).mean() <= CLEAR else []
+        close = masks > 2 * len(told)
+        dark = told.count("light") > told.count("dark") and not close
+        return replace(self, undecided="dark" if dark else "light", close=close)
 
 
 AS_GIVEN = Framing(mode="keep", threshold=None, polarity="light")
@@ -115,7 +131,10 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     """
     rule = Framing() if framing is None else framing
     picture = picture[..., None] if picture.ndim == 2 else picture
-    coverage, background = coverage_of(picture, rule.polarity, rule.undecided)
+    coverage, background = coverage_of(picture, rule.polarity)
+    untold = rule.close or _border(coverage >= 0.5).mean() > TOUCHED
+    if untold and rule.polarity == "auto" and background != "transparent" and is_mask(coverage):
+        coverage, background = coverage_of(picture, rule.undecided)
     channel = "alpha" if background == "transparent" else "luminance"
     if rule.threshold is not None:
         photograph = channel == "luminance" and not is_mask(coverage)
@@ -130,13 +149,8 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height)
 
 
-def coverage_of(
-    picture: np.ndarray, polarity: Polarity = "auto", undecided: Literal["light", "dark"] | None = None
-) -> tuple[np.ndarray, str]:
-    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is.
-
-    Without `undecided` it is read off the border even where that hardly tells.
-    """
+def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.ndarray, str]:
+    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is."""
     channels = picture.shape[-1]
     if channels in (2, 4):
         if picture[..., -1].min() < 1:
@@ -148,19 +162,7 @@ def coverage_of(
     highest = distance.max()
     if 0 < highest < 1 and np.isin(distance, (0, highest)).all():
         distance = distance / highest
-    if background is None and undecided and _border(distance >= 0.5).mean() > TOUCHED and is_mask(distance):
-        return coverage_of(picture, undecided)
     return distance, "light" if colour.mean() > 0.5 else "dark"
-
-
-def usual_polarity(pictures: Iterable[np.ndarray]) -> Literal["light", "dark"]:
-    """Return what objects are in most masks (H, W, C) of which the border tells it; light ones if none does."""
-    backgrounds = []
-    for picture in pictures:
-        coverage, background = coverage_of(picture)
-        if background != "transparent" and _border(coverage >= 0.5).mean() <= CLEAR and is_mask(coverage):
-            backgrounds.append(background)
-    return "dark" if backgrounds.count("light") > backgrounds.count("dark") else "light"
 
 
 def without_specks(mask: np.ndarray) -> np.ndarray:

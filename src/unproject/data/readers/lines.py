@@ -43,7 +43,7 @@ def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor]
     count, detectors, angles = values.shape
     if min(detectors, angles) >= ENOUGH and _uneven(values, 1) > UNLIKE and _uneven(values, 2) < ALIKE:
         warnings.warn(
-            f"{path}: {key}: sums along the last axis are alike, as those over detectors are from all angles; sinograms "
+            f"{path}: {key}: sums along the last axis are alike, as those over detectors are at all angles; sinograms "
             "are (M, D, A), detectors by angles; if this is (M, A, D), save array.swapaxes(1, 2)",
             stacklevel=2,
         )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from ..._pictures import UnusablePicture, read_displayed
 from ..._types import UserError
 from ..sampling import spread_rows
 from .found import Found, to_bytes
-from .framing import Framing, frame, usual_polarity
+from .framing import Framing, frame
 from .how import How
 from .images import as_images
 from .surveying import Item, Read, Survey, survey
@@ -57,8 +56,8 @@ def survey_pictures(path: Path, how: How) -> Survey:
 def reading(how: How, files: Sequence[Path]) -> Read:
     """Return what reads one of these files; it says of those that no reader takes what to do."""
     size, framing = how.size or SIZE, how.framing or Framing()
-    if not how.images and framing.polarity == "auto":
-        framing = replace(framing, undecided=usual_polarity(_some(files)))
+    if not how.images:
+        framing = framing.as_most(_some(files))
 
     def read(file: Path) -> Item:
         if file.suffix.lower() in UNREAD:
