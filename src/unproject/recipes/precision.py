@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import Literal, ParamSpec
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, ParamSpec
 
 import torch
 
@@ -25,15 +25,17 @@ def fast_precision() -> Literal["float32", "bfloat16"]:
     return "bfloat16" if capabilities.get("avx512_bf16") or capabilities.get("amx_bf16") else "float32"
 
 
-def in_fast_precision(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
-    """Give a recipe function the precision that is fast here, unless one is given.
+def in_fast_precision(
+    function: Callable[P, Recipe], where: Callable[[Mapping[str, Any]], bool] = lambda arguments: True
+) -> Callable[P, Recipe]:
+    """Give a recipe function the precision that is fast here, unless one is given, or not `where` its arguments say.
 
     It goes around `resumable`, so that recipe.json holds it: a run keeps its precision on another machine.
     """
 
     @functools.wraps(function)
     def fast(*positional: P.args, **arguments: P.kwargs) -> Recipe:
-        if arguments.get("precision") is None:
+        if arguments.get("precision") is None and where(arguments):
             arguments["precision"] = fast_precision()
         return function(*positional, **arguments)
 
