@@ -191,3 +191,14 @@ def test_what_is_not_read_of_an_npz_is_said_and_the_size_that_lines_are_learned_
     np.savez(pictures, masks=lines.reshape(60, 8, 8) > 0.5, azimuth=np.zeros(60), theta=np.zeros(60))
     found = inspect(pictures)
     assert found.unread == {"theta": (60,)} and not any("learned as" in line for line in found.summary())
+
+
+def test_pictures_that_are_the_same_are_told(tmp_path: Path) -> None:
+    masks = np.zeros((12, 16, 16), np.uint8)
+    masks[:, 4:12, 4:12] = 1
+    np.savez(tmp_path / "same.npz", masks=masks)
+    assert "  11 are the same as another one" in inspect(tmp_path / "same.npz").summary()
+    for k in range(12):
+        masks[k, 2, k] = 1
+    np.savez(tmp_path / "others.npz", masks=masks)
+    assert not any("same" in line for line in inspect(tmp_path / "others.npz").summary()[1:])

@@ -48,7 +48,7 @@ def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: i
         HelpPrinted: if `argv` asks for help.
     """
     signatures = [_flags(function, skip if function is functions[-1] else 0) for function in functions]
-    options = _options(verb, functions, signatures)
+    options = _options(functions, signatures)
     values = _read(verb, argv, options)
     return [_filled(function, signature, values) for function, signature in zip(functions, signatures, strict=True)]
 
@@ -151,7 +151,7 @@ def _speakable(kind: Any) -> bool:
     return kind in _SCALARS or (isinstance(kind, type) and (issubclass(kind, Enum) or dataclasses.is_dataclass(kind)))
 
 
-def _options(verb: str, functions: Sequence[Callable[..., Any]], signatures: Sequence[dict[str, Any]]) -> type:
+def _options(functions: Sequence[Callable[..., Any]], signatures: Sequence[dict[str, Any]]) -> type:
     """A dataclass with one field a parameter, which tyro reads."""
     fields: dict[str, tuple[str, Any, Any]] = {}
     for function, signature in zip(functions, signatures, strict=True):

@@ -28,7 +28,7 @@ from .sampling import spread_rows
 Row = tuple[str, str, str, str]
 LINES, OFF = 50, 0.25
 """Lines of known angle that tell of their axis, and how many detectors from the middle are said."""
-SHOWN = 1024
+SHOWN, COMPARED = 1024, 2**16
 """Pictures at most whose outlines are looked at."""
 
 
@@ -82,6 +82,7 @@ class Inspection:
         for name, found in self.collections.items():
             views = ", ".join(found.latents) if found.latents else "unknown"
             lines.append(f"  {name}: {len(found)} of {' x '.join(map(str, found.shape))}; views: {views}")
+            lines += same_pictures(found)
             lines += [f"  {latent}: {low:.1f}° to {high:.1f}°" for latent, (low, high) in degrees_of(found).items()]
             lines += readings_of(found)
             if self.size is not None and len(found.shape) == 2:
@@ -150,6 +151,14 @@ def axis_of(collection: Collection, lines: Tensor) -> list[str]:
     return [
         f"  the axis of rotation seems to project to detector {center:.1f}, not to {middle:g}: see --center of train"
     ]
+
+
+def same_pictures(found: Collection) -> list[str]:
+    """Return a line of text if over a tenth of a collection that is in memory is the same as another part of it."""
+    if not isinstance(found.stored, Tensor) or len(found) > COMPARED:
+        return []
+    same = len(found) - len({hash(item.numpy().tobytes()) for item in found.stored})
+    return [f"  {same} are the same as another one"] if same > len(found) / 10 else []
 
 
 def inspect(

@@ -185,11 +185,14 @@ class Trial:
 
     @torch.no_grad()
     def project(self) -> None:
-        self._each_panel(self._generated(), self._projected)
+        x = self._generated()
+        for panel in self.recipe.panels:
+            self._projected(panel, x)
 
     def step(self) -> None:
-        losses = self._each_panel(self._generated(), self._loss)
-        torch.stack(losses).sum().backward()
+        x = self._generated()
+        pairs = zip(self.recipe.panels, self.discriminators, strict=True)
+        torch.stack([self._loss(panel, discriminator, x) for panel, discriminator in pairs]).sum().backward()
         for network in (self.generator, *self.discriminators):
             network.zero_grad()
 
@@ -200,11 +203,7 @@ class Trial:
             x = self.generator(code).float()
         return x.repeat_interleave(self.recipe.views_per_sample, 0)
 
-    def _each_panel(self, x: Tensor, part: Callable[[Panel, nn.Module, Tensor], Tensor]) -> list[Tensor]:
-        pairs = zip(self.recipe.panels, self.discriminators, strict=True)
-        return [part(panel, discriminator, x) for panel, discriminator in pairs]
-
-    def _projected(self, panel: Panel, discriminator: nn.Module, x: Tensor) -> Tensor:
+    def _projected(self, panel: Panel, x: Tensor) -> Tensor:
         rng = generator_at(0, 0, "estimate")
         views = torch.randint(len(panel.observations), (len(x),), generator=rng)
         learned = LearnedLatents(panel.learned).to(x.device) if panel.learned else None
@@ -215,7 +214,7 @@ class Trial:
     def _loss(self, panel: Panel, discriminator: nn.Module, x: Tensor) -> Tensor:
         """Return the discriminator's loss of real and generated images, with its penalty."""
         recipe, rng = self.recipe, generator_at(0, 0, "estimate")
-        fake = self._projected(panel, discriminator, x)
+        fake = self._projected(panel, x)
         real = panel.batch(torch.randint(len(panel), (len(x),), generator=rng)).to(fake)
         heads = torch.zeros(len(x), dtype=torch.long, device=fake.device)
         with self._autocast():

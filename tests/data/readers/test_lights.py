@@ -123,3 +123,10 @@ def test_blank_photographs_are_none(tmp_path: Path) -> None:
     assert found.names == ("flash/a.png",) and len(found.skipped) == 3
     assert dict(found.skipped)["flash/white.png"] == "is white throughout; remove it"
     assert dict(found.skipped)["flash/clear.png"] == "is transparent throughout; remove it"
+
+
+def test_a_sub_folder_that_is_named_by_itself_leads_to_the_one_above(tmp_path: Path) -> None:
+    (tmp_path / "flash").mkdir()
+    Image.fromarray(np.full((32, 32, 3), 90, np.uint8)).save(tmp_path / "flash" / "a.png")
+    with pytest.raises(UserError, match=f"is what a folder of materials has as a sub-folder; name {tmp_path}"):
+        refuse_unsorted(tmp_path / "flash")

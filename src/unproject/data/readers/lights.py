@@ -111,6 +111,8 @@ def refuse_unsorted(path: Path) -> None:
     files = [*unsorted(path)]
     if not files or any(candidates(folder) for folder in {file.parent for file in files}):
         return
+    if path.name.lower() in OBSERVATIONS:
+        raise UserError(f"{path}: is what a folder of materials has as a sub-folder; name {path.absolute().parent}")
     inside = sorted({file.relative_to(path).parts[0] for file in files if file.parent != path})
     where = f" in {', '.join(inside[:NAMED])}{', ...' if len(inside) > NAMED else ''}" if inside else ""
     raise UserError(
