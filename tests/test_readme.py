@@ -55,7 +55,7 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = tmp_path / "my_masks"
     folder.mkdir()
-    seen = observe(chairs(12), azimuth_bins(4), seed=0)
+    seen = observe(chairs(8), azimuth_bins(4), seed=0)
     for name, picture in zip(seen.names, seen.items, strict=True):
         Image.fromarray((picture[0] * 255).to(torch.uint8).numpy()).save(folder / f"{name}.png")
     (tmp_path / "my_wood").mkdir()
@@ -106,7 +106,8 @@ def shortened(command: str) -> str:
     verb = verb_of(command)
     command = re.sub(r"--(minutes|steps|batch) [\d.]+", "", command)
     command = re.sub(r"--n \d+", "", command) if verb == "evaluate" else command
-    if verb == "export" and re.search("--to (png|gif)", command):  # meshes are made of all that is drawn
+    # Meshes are made of all that is drawn.
+    if verb == "export" and re.search(r"--to (png|gif)|--out \S+\.(png|gif)", command):
         command = re.sub(r"--n \d+", "", command) + " --n 2"
     command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
     fewer = " --maps 8 --renderings 4" if re.search("train (wood|metal|plastic|fabric) (?!--data)", command) else ""

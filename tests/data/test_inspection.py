@@ -134,7 +134,7 @@ def test_the_verb_packs_what_the_recipe_reads(folder: Path, capsys: pytest.Captu
     assert "materials are read from their folder" in capsys.readouterr().err
     assert main(["data", "pack", str(folder), "--for", "digits", "--mode", "keep"]) == 2
     assert main(["data", "pack", str(out)]) == 2
-    assert "there is no such folder" in capsys.readouterr().err
+    assert "is a file; name a folder of pictures" in capsys.readouterr().err
 
 
 def test_textures_are_not_packed_as_silhouettes_unless_asked(
@@ -174,7 +174,7 @@ def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(
         mask = (np.abs(rows - 32) + np.abs(columns - 32)) < 20 + k
         Image.fromarray((255 * mask).astype(np.uint8)).save(tmp_path / f"{k}.png")
     cropped, kept = inspect(tmp_path), inspect(tmp_path, framing=Framing(mode="keep"))
-    assert "but of cropped pictures shapes take it that they were level" in cropped.summary()[-1]
+    assert "but of cropped pictures shapes take it so" in cropped.summary()[-1]
     assert "shapes learn the elevation of cameras too, if pictures were not cropped" in kept.summary()[-1]
 
 
@@ -191,6 +191,12 @@ def test_what_is_not_read_of_an_npz_is_said_and_the_size_that_lines_are_learned_
     np.savez(pictures, masks=lines.reshape(60, 8, 8) > 0.5, azimuth=np.zeros(60), theta=np.zeros(60))
     found = inspect(pictures)
     assert found.unread == {"theta": (60,)} and not any("learned as" in line for line in found.summary())
+
+
+def test_a_sheet_among_the_pictures_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Image.fromarray(np.pad(np.full((20, 30), 255, np.uint8), 9)).save(tmp_path / "a.png")
+    assert main(["data", "inspect", str(tmp_path), "--out", str(tmp_path / "sheet.png")]) == 0
+    assert "sheet.png: lies in the folder and will be taken for data; move it" in capsys.readouterr().err
 
 
 def test_pictures_that_are_the_same_are_told(tmp_path: Path) -> None:

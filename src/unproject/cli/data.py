@@ -59,8 +59,6 @@ def run(
         framing = _framing(path, mode, threshold, polarity)
         _pack(path, out, for_ or _recipe_for(path, framing), size, framing, strict)
         return
-    if out is not None and path.is_dir() and Path(os.path.realpath(path)) in Path(os.path.realpath(out)).parents:
-        raise UserError(f"--out {out}: lies in the folder that is inspected, where it would be taken for data")
     framing = _framing(path, mode, threshold, polarity)
     recipe = for_ or _recipe_for(path, framing)
     found = _inspected(path, recipe, size, framing, strict)
@@ -78,6 +76,8 @@ def run(
         from ._sheets import write_sheet
 
         write_sheet(found, out)
+        if path.is_dir() and Path(os.path.realpath(path)) in Path(os.path.realpath(out)).parents:
+            print(f"warning: {out}: lies in the folder and will be taken for data; move it", file=sys.stderr)
 
 
 def _recipe_for(path: Path, framing: Framing | None) -> str:
