@@ -98,7 +98,9 @@ def spotted() -> tuple[Tensor, Tensor]:
 
 def found(pictures: Tensor, known: dict[str, Tensor], **flags: bool) -> fitter.Fit:
     viewing = Viewing.of(directions(4, line_integral=LineIntegral()))
-    return Fitter(Discs(), viewing, Search(candidates=16, starts=2, steps=40, prior=0.01, **flags)).fit(pictures, known)
+    return Fitter(Discs(), viewing, Search(tune=0, candidates=16, starts=2, steps=40, prior=0.01, **flags)).fit(
+        pictures, known
+    )
 
 
 def test_a_fit_agrees_with_lines_of_known_angles_and_still_says_how_far_the_generator_is() -> None:
@@ -115,7 +117,7 @@ def test_a_fit_agrees_with_lines_of_known_angles_and_still_says_how_far_the_gene
 def test_readings_of_the_same_angles_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made, of = [], Readings.of
     monkeypatch.setattr(Readings, "of", lambda *given: made.append(given) or of(*given))
-    fitter = Fitter(Discs(), Viewing.of(directions(4)), Search(candidates=8, starts=1, steps=2))
+    fitter = Fitter(Discs(), Viewing.of(directions(4)), Search(tune=0, candidates=8, starts=1, steps=2))
     _, pictures = spotted()
     for angle in (ANGLE, ANGLE, ANGLE + 0.1):
         assert fitter.fit(pictures, {"angle": angle}).consistent
@@ -124,7 +126,9 @@ def test_readings_of_the_same_angles_are_made_once(monkeypatch: pytest.MonkeyPat
 
 def test_of_what_is_seen_itself_nothing_tells_noise() -> None:
     x, _ = spotted()
-    fitter = Fitter(Discs(), Viewing.of([Observation("itself", Identity())]), Search(candidates=8, starts=1, steps=2))
+    fitter = Fitter(
+        Discs(), Viewing.of([Observation("itself", Identity())]), Search(tune=0, candidates=8, starts=1, steps=2)
+    )
     assert not fitter.fit(x).consistent
 
 
@@ -132,7 +136,9 @@ def test_nothing_is_completed_of_unknown_angles_or_of_silhouettes(monkeypatch: p
     _, pictures = spotted()
     assert not found(pictures, {}).consistent
     _, silhouettes, known = one_seat(seats(), [0.3, 1.2])
-    assert not Fitter(Seats(), seats(), Search(candidates=4, starts=1, steps=1)).fit(silhouettes, known).consistent
+    assert (
+        not Fitter(Seats(), seats(), Search(tune=0, candidates=4, starts=1, steps=1)).fit(silhouettes, known).consistent
+    )
     monkeypatch.setattr(fitter, "MOST", 3 * SIDE**3 - 1)
     assert not found(pictures, {"angle": ANGLE}).consistent
     monkeypatch.setattr(fitter, "MOST", 3 * SIDE**3)

@@ -55,7 +55,7 @@ def one_seat(viewing: Viewing, azimuths: list[float]) -> tuple[Tensor, Tensor, d
 def test_four_known_views_find_the_sample() -> None:
     viewing = seats()
     x, pictures, known = one_seat(viewing, [0.3, 1.2, 2.5, 4.4])
-    found = Fitter(Seats(), viewing, Search(candidates=32, starts=2, steps=80, prior=1e-3)).fit(pictures, known)
+    found = Fitter(Seats(), viewing, Search(tune=0, candidates=32, starts=2, steps=80, prior=1e-3)).fit(pictures, known)
     assert found.error < 0.01 and (found.x[0] - x[0]).abs().mean() < 0.01
     torch.testing.assert_close(found.theta["azimuth"][0], known["azimuth"])
 
@@ -63,7 +63,7 @@ def test_four_known_views_find_the_sample() -> None:
 def test_unknown_views_of_one_thing_are_found_up_to_its_symmetry() -> None:
     viewing = seats()
     _, pictures, known = one_seat(viewing, [0.3, 1.2, 4.4])
-    found = Fitter(Seats(), viewing, Search(candidates=64, starts=4, steps=60, prior=1e-3)).fit(pictures)
+    found = Fitter(Seats(), viewing, Search(tune=0, candidates=64, starts=4, steps=60, prior=1e-3)).fit(pictures)
     a = known["azimuth"]
     off = torch.stack([found.theta["azimuth"][0] - a, found.theta["azimuth"][0] - (math.pi - a)])
     assert torch.atan2(off.sin(), off.cos()).abs().amin(0).max() < 0.35
@@ -74,7 +74,7 @@ def test_the_posterior_has_both_views_of_a_symmetric_shape() -> None:
     # Of a shape symmetric about x = 0 the level silhouettes at a and at π - a are equal.
     viewing, step = seats(), 2 * math.pi / BINS
     _, pictures, _ = one_seat(viewing, [3 * step])
-    found = Fitter(Seats(), viewing, Search(candidates=64, starts=1, steps=60, prior=1e-3)).fit(pictures)
+    found = Fitter(Seats(), viewing, Search(tune=0, candidates=64, starts=1, steps=60, prior=1e-3)).fit(pictures)
     k = round(found.theta["azimuth"][0, 0].item() / step) % BINS
     both = found.posterior[0, [k, (BINS // 2 - k) % BINS]]
     assert both.amin() > 0.1 and both.sum() > 0.8 and found.error < 0.02
@@ -123,11 +123,11 @@ def test_distances_have_no_unit(unit: float) -> None:
     viewing = Viewing.of([Observation("line", Scaled(), Uniform("angle", 0, math.pi))])
     x = Discs()(torch.tensor([[1.0, -1.0, 0.5]])).detach()
     known = {"angle": torch.tensor([0.0, 1.0, 2.0])}
-    found = Fitter(Discs(), viewing, Search(candidates=16, starts=2, steps=60, prior=0.01)).fit(
+    found = Fitter(Discs(), viewing, Search(tune=0, candidates=16, starts=2, steps=60, prior=0.01)).fit(
         viewing.project(x.expand(3, -1, -1, -1), known), known
     )
     assert found.error < 0.01 and (found.x[0] - x[0]).abs().mean() < 0.02
-    far = Fitter(Discs(), viewing, Search(candidates=64, starts=1, steps=0))
+    far = Fitter(Discs(), viewing, Search(tune=0, candidates=64, starts=1, steps=0))
     others = far.candidates.projections
     assert 1 < far.candidates.distance(others, others[:1, 0].expand(1, -1, -1)).mean() < 6
 
@@ -136,7 +136,9 @@ def test_the_prior_keeps_latents_usual() -> None:
     viewing = seats()
     _, pictures, known = one_seat(viewing, [0.3, 1.2])
     size = [
-        Fitter(Seats(), viewing, Search(candidates=8, starts=1, steps=40, prior=prior)).fit(pictures, known).latent
+        Fitter(Seats(), viewing, Search(tune=0, candidates=8, starts=1, steps=40, prior=prior))
+        .fit(pictures, known)
+        .latent
         for prior in (0.0, 30.0)
     ]
     assert size[1].square().mean() < 0.2 * size[0].square().mean()
@@ -145,7 +147,7 @@ def test_the_prior_keeps_latents_usual() -> None:
 def test_weights_follow_the_distances_and_the_deviation_is_theirs() -> None:
     viewing = seats()
     _, pictures, _ = one_seat(viewing, [0.3])
-    found = Fitter(Seats(), viewing, Search(candidates=16, starts=4, steps=5)).fit(pictures)
+    found = Fitter(Seats(), viewing, Search(tune=0, candidates=16, starts=4, steps=5)).fit(pictures)
     assert found.weight.sum().item() == pytest.approx(1) and (found.weight.diff() <= 1e-6).all()
     spread = (found.weight[:, None, None, None] * (found.x - found.mean) ** 2).sum(0).sqrt()
     torch.testing.assert_close(found.deviation, spread)
@@ -182,7 +184,10 @@ def test_a_generator_that_tuning_spoils_is_left_as_it_is() -> None:
 def test_the_same_seed_finds_the_same() -> None:
     viewing = seats()
     _, pictures, _ = one_seat(viewing, [0.3])
-    a, b = (Fitter(Seats(), viewing, Search(candidates=8, starts=2, steps=5), seed=3).fit(pictures) for _ in range(2))
+    a, b = (
+        Fitter(Seats(), viewing, Search(tune=0, candidates=8, starts=2, steps=5), seed=3).fit(pictures)
+        for _ in range(2)
+    )
     assert torch.equal(a.x, b.x) and torch.equal(a.posterior, b.posterior)
 
 
@@ -199,7 +204,7 @@ def test_latents_are_white() -> None:
 
 
 def test_pictures_of_another_size_and_settings_out_of_range_are_refused() -> None:
-    fitter = Fitter(Seats(), seats(), Search(candidates=2, starts=1, steps=1))
+    fitter = Fitter(Seats(), seats(), Search(tune=0, candidates=2, starts=1, steps=1))
     with pytest.raises(UserError, match="as in training"):
         fitter.fit(torch.rand(1, 1, 8, 8))
     with pytest.raises(UserError, match="as in training"):
@@ -221,11 +226,11 @@ def test_one_projection_has_no_variance() -> None:
         [Observation("only", Silhouette(size=16), Product(*(Uniform(a, 0, 0) for a in ("azimuth", "elevation"))))]
     )
     with pytest.raises(UserError, match="candidates=1: give at least 2"):
-        Fitter(Seats(), one, Search(candidates=1, starts=1)).fit(torch.zeros(1, 1, 16, 16))
+        Fitter(Seats(), one, Search(tune=0, candidates=1, starts=1)).fit(torch.zeros(1, 1, 16, 16))
 
 
 def test_a_rate_that_leaves_nothing_finite_is_one_line() -> None:
     viewing = seats()
     _, pictures, _ = one_seat(viewing, [0.3, 1.2])
     with pytest.raises(UserError, match="nothing that was found at a rate of 1e[+]30 is finite; give a lower --rate"):
-        Fitter(Seats(), viewing, Search(candidates=8, starts=2, steps=3, rate=1e30)).fit(pictures)
+        Fitter(Seats(), viewing, Search(tune=0, candidates=8, starts=2, steps=3, rate=1e30)).fit(pictures)

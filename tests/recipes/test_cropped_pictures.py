@@ -132,7 +132,7 @@ def test_cropped_objects_are_scored_at_one_size() -> None:
 
 def test_pictures_of_nothing_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "black.npz", masks=np.zeros((6, 16, 16), np.uint8))
-    with pytest.raises(UserError, match="black.npz: no picture has anything above 0.5"):
+    with pytest.raises(UserError, match="black.npz: masks: no picture has anything above 0.5"):
         shapes(data=tmp_path / "black.npz", **SMALL)
 
 

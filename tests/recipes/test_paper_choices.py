@@ -165,10 +165,10 @@ def test_the_generator_of_materials_is_dcgan_with_a_uniform_code_of_512() -> Non
     assert max(module.out_features for module in linear) == 512 * 4**2
 
 
-def test_discriminators_of_materials_see_their_batch_as_a_group() -> None:
+def test_discriminators_of_materials_are_given_their_group_by_the_training() -> None:
     recipe = made(wood_paper, batch=6)
     discriminator: Any = recipe.discriminator((3, 64, 64), 1)
-    assert recipe.batch == 6 and discriminator.group == 6
+    assert recipe.batch == 6 and discriminator.group is None
     convolution = next(module for module in discriminator.modules() if isinstance(module, nn.Conv2d))
     assert convolution.out_channels == 64
 
