@@ -199,6 +199,7 @@ def test_masks_whose_border_is_clear_tell_the_usual_polarity() -> None:
     tight, wide = letter(), letter(4)
     assert Framing().as_most([tight, 1 - wide, 1 - wide, wide]) == Framing(undecided="dark")
     assert Framing().as_most([1 - tight, 1 - wide, wide, wide]) == Framing()
+    assert Framing().as_most([tight, tight, 1 - wide, wide, wide]) == Framing()  # the close ones look dark
     assert Framing(polarity="dark").as_most([wide]) == Framing(polarity="dark")
 
 
