@@ -42,6 +42,14 @@ def test_the_table_says_how_each_is_read_and_why_one_is_not(folder: Path) -> Non
     assert table.startswith("d.png") and "unreadable" in table.splitlines()[0]
 
 
+def test_objects_in_parts_or_cut_off_are_told(tmp_path: Path) -> None:
+    mask = np.zeros((60, 60), np.uint8)
+    mask[10:30, 5:25] = mask[30:60, 35:55] = 255
+    Image.fromarray(mask).save(tmp_path / "a.png")
+    ((_, _, read_as, _),) = inspect(tmp_path).rows
+    assert read_as == "luminance on dark background, in 2 parts, cut off by the border it seems"
+
+
 def test_it_shows_what_training_gets(folder: Path) -> None:
     found, trained = inspect(folder, size=32).collections["silhouettes"], Collection.silhouettes(folder, 32)
     assert torch.equal(found.items, trained.items) and found.names == trained.names and found.white == trained.white

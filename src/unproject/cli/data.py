@@ -46,7 +46,7 @@ def run(
             ones are framed anew).
         mode: Crop and centre the object, or keep it where it is (default: crop for folders, keep for arrays).
         threshold: Coverage at which a pixel belongs to the object (default: 0.5 for masks, 0.08 for photographs).
-        polarity: Whether the object is light or dark; auto reads it off the border (default: auto).
+        polarity: Whether objects are light or dark, where pictures are opaque; auto reads it off the border (default).
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
     """

@@ -225,3 +225,39 @@ def test_dirt_does_not_decide_the_crop() -> None:
     assert torch.equal(frame(dirty, 32).image, frame(clean, 32).image)
     dirty[2:6, 2:6] = 1  # a part
     assert not torch.equal(frame(dirty, 32).image, frame(clean, 32).image)
+
+
+@pytest.mark.parametrize("labels", [(1,), (7,), (1, 2)])
+def test_the_void_around_labels_is_no_object(labels: tuple[int, ...]) -> None:
+    picture = 255 * (disc(100, 100, 50, 60, 25) - disc(100, 100, 50, 60, 22))
+    for label in labels:
+        picture[disc(100, 100, 50, 60, 22 - 5 * labels.index(label)) > 0] = label
+    assert torch.equal(frame(picture / 255, 32).image, frame(disc(100, 100, 50, 60, 22), 32).image)
+
+
+def test_noise_near_the_background_is_no_label() -> None:
+    mask = disc(100, 100, 50, 60, 25)
+    noisy = np.where(mask > 0, 1, np.random.default_rng(0).integers(0, 9, mask.shape) / 255).astype(np.float32)
+    assert torch.equal(frame(noisy, 32).image, frame(mask, 32).image)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "cut"),
+    [
+        (slice(20, 80), slice(20, 80), False),
+        (slice(20, 100), slice(20, 80), True),
+        (slice(0, 100), slice(20, 100), True),
+        (slice(0, 100), slice(20, 80), False),
+        (slice(0, 100), slice(0, 100), False),
+    ],
+)
+def test_what_the_border_may_cut_off_is_told_from_what_is_trimmed(rows: slice, columns: slice, cut: bool) -> None:
+    picture = np.zeros((100, 100), np.float32)
+    picture[rows, columns] = 1
+    picture[40:60, 40:60] = 0
+    assert frame(picture, 32, Framing(polarity="light")).cut == cut
+
+
+def test_parts_of_a_fifth_of_the_largest_are_counted() -> None:
+    picture = disc(100, 100, 30, 30, 20) + disc(100, 100, 70, 70, 10) + disc(100, 100, 10, 90, 5)
+    assert frame(picture, 32).parts == 2

@@ -6,7 +6,8 @@
    coverage near 0 outside the object: the polarity is read off the border. Of a mask whose object takes more than a
    tenth of the border, as close crops are, it is that of most masks of the folder whose border tells it; where most
    are so close, all show light objects. `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1) is
-   of all. What has two values alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1.
+   of all. What has two values alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1. Beside a few
+   labels of nearly the background's value, 255 is the void around objects, as segmentations mark it, and left out.
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
    least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph of whose border nearly
@@ -43,6 +44,10 @@ Window = tuple[float, float, float]
 
 UNEVEN = 0.47
 """Share of a photograph's border that may differ from its backdrop: close crops touch it, grass below sky is half."""
+LABELS, NEAR = 4, 0.1
+"""Values at most of a segmentation in one picture, and how far from the background its labels are."""
+ANOTHER = 0.2
+"""Size from which on a part counts as another object, of the largest part's."""
 TOUCHED, CLEAR, SPECK = 0.1, 0.02, 1e-3
 """Shares of a mask's border that its object takes: beyond the first the border does not tell the polarity, up to the
 second it surely does. And the size of dirt, of the largest part's."""
@@ -114,6 +119,9 @@ class Framed:
         channel: "alpha", "luminance" (of a mask) or "photograph".
         background: "transparent", "dark" or "light".
         width, height: of the picture it was made from, in pixels.
+        cut: the object touches one side of the picture, two adjacent ones or three: the border may cut it off. What
+            is trimmed touches all four, or two opposite ones.
+        parts: how many parts of the object are at least a fifth of the largest.
     """
 
     image: Tensor
@@ -121,6 +129,8 @@ class Framed:
     background: str
     width: int
     height: int
+    cut: bool = False
+    parts: int = 1
 
 
 def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Framed:
@@ -136,6 +146,7 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     if untold and rule.polarity == "auto" and background != "transparent" and is_mask(coverage):
         coverage, background = coverage_of(picture, rule.undecided)
     channel = "alpha" if background == "transparent" else "luminance"
+    cut, parts = False, 1
     if rule.threshold is not None:
         photograph = channel == "luminance" and not is_mask(coverage)
         channel = "photograph" if photograph else channel
@@ -143,10 +154,11 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
         _check_object(coverage, rule.min_pixels)
         if photograph and rule.polarity == "auto":
             _check_backdrop(coverage)
+        cut, parts = _is_cut(coverage), _parts_of(coverage)
     window = whole_window(coverage) if rule.mode == "keep" else object_window(coverage, rule.fill)
     image = torch.from_numpy(area_resample(coverage, window, size))[None]
     height, width = coverage.shape
-    return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height)
+    return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height, cut, parts)
 
 
 def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.ndarray, str]:
@@ -159,10 +171,31 @@ def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.nd
     background = {"light": 0.0, "dark": 1.0}.get(polarity)
     colour = border_colour(picture) if background is None else np.full(picture.shape[-1], background)
     distance = np.abs(picture - colour).max(-1).astype(np.float32)
+    distance = _without_void(distance)
     highest = distance.max()
     if 0 < highest < 1 and np.isin(distance, (0, highest)).all():
         distance = distance / highest
     return distance, "light" if colour.mean() > 0.5 else "dark"
+
+
+def _without_void(distance: np.ndarray) -> np.ndarray:
+    """Of a segmentation's labels the objects', as coverage 0 and 1; other distances (H, W) as they are."""
+    labels, highest = (distance > 0) & (distance < NEAR), distance.max()
+    void = distance == highest
+    if highest < NEAR or labels.sum() <= void.sum() or not (labels | void | (distance == 0)).all():
+        return distance
+    return labels.astype(np.float32) if len(np.unique(distance)) <= LABELS else distance
+
+
+def _is_cut(mask: np.ndarray) -> bool:
+    top, bottom, left, right = (side.any() for side in (mask[0], mask[-1], mask[:, 0], mask[:, -1]))
+    return bool((top != bottom) or (left != right))
+
+
+def _parts_of(mask: np.ndarray) -> int:
+    parts, _ = label(mask > 0, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+    sizes = np.bincount(parts.ravel())[1:]
+    return int((sizes >= ANOTHER * sizes.max()).sum())
 
 
 def without_specks(mask: np.ndarray) -> np.ndarray:

@@ -79,6 +79,8 @@ def _silhouette(file: Path, size: int, framing: Framing) -> Item:
     """The coverage (1, size, size) of a framed picture, in 8 bits."""
     framed = frame(unit_values(read_displayed(file)), size, framing)
     kind = "alpha" if framed.channel == "alpha" else f"{framed.channel} on {framed.background} background"
+    kind += f", in {framed.parts} parts" if framed.parts > 1 else ""
+    kind += ", cut off by the border it seems" if framed.cut else ""
     return Item(to_bytes(framed.image).numpy(), kind, framed.width, framed.height)
 
 
