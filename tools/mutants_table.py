@@ -3666,8 +3666,8 @@ SIZES = (
     mutant(
         "run: samples of any size are tried, whatever memory they take",
         "training/run.py",
-        "if size is not None:\n            _require_memory_of(",
-        "if False:\n            _require_memory_of(",
+        "if size is not None:\n            require_memory(",
+        "if False:\n            require_memory(",
         "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
     ),
     mutant(

@@ -71,6 +71,12 @@ class Domain(ABC):
         """Return samples without parts that float; those of a domain that has no parts as they are."""
         return x
 
+    def bytes_at(self, size: int, n: int) -> int:
+        """Return the bytes that n samples of another size take, twice while they are put together, and what is made at
+        once; 0 where nobody knows.
+        """
+        return 0
+
     def repeated(self, x: Tensor, times: int) -> Tensor:
         """Return samples (B, ...) each `times` in a row, to be projected, in the layout in memory that is fast."""
         return x.repeat_interleave(times, 0) if times > 1 else x

@@ -32,6 +32,8 @@ LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))
 """Built-in light, and the camera's angle from the normal in radians."""
 LEGIBLE = 64
 """Pixels of a map in a preview at least, where its labels can be read."""
+TEXEL_BYTES = 600
+"""What a texel takes at most while a material is made at another size."""
 
 MATCH = (4.0, 10.0)
 """Levels (doubtful, failed) of the patch distance over that of training pictures."""
@@ -104,6 +106,10 @@ class Maps(Domain):
         advice = "add photographs under a flash at the camera, or under coloured lamps: sub-folders flash, coloured"
         score = Score(len(MAPS) - len(left), how, len(MAPS), seed)
         return [Finding("open", score, len(MAPS) - 0.5, -math.inf, says, advice)]
+
+    def bytes_at(self, size: int, n: int) -> int:
+        """Return the bytes that n materials of another size take while they are made."""
+        return (4 * 2 * n * 8 + TEXEL_BYTES) * size**2
 
     def read(self, path: Path, size: int) -> Collection:
         fresnel = "albedo" if self.fresnel == "albedo" else "stored"

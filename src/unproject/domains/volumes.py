@@ -15,6 +15,7 @@ from torch import Tensor
 from .. import export
 from ..data import Collection, read
 from ..metrics import Finding, Score, one_minus_iou, picture_scores, shape_scores, silhouette_scores
+from ..networks.generators import FINE_VOXELS
 from ..ops.framing import unit_sized
 from ..ops.layout import repeated_volumes
 from ..ops.parts import largest_part, number_parts
@@ -124,6 +125,10 @@ class Volumes(Domain):
 
     def bins(self, observations: Sequence[Observation]) -> int:
         return view_bins(observations)
+
+    def bytes_at(self, size: int, n: int) -> int:
+        """Return the bytes that n volumes of another resolution take while they are made."""
+        return 4 * (2 * n * size**3 + 8 * max(FINE_VOXELS, size**3))
 
     def read(self, path: Path, size: int) -> Collection:
         return read(path, size=size)

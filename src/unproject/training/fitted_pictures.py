@@ -25,7 +25,7 @@ from ..inversion import DOUBTFUL, Fit, Viewing
 from ..inversion.novelty import combined
 from ..metrics import Gauge
 from ..ops.maps import COLOURED
-from ..projections import FramedSilhouette, LineIntegral, Projection, Selection, Silhouette, Standardised
+from ..projections import FramedSilhouette, LineIntegral, Projection, Rendering, Selection, Silhouette, Standardised
 from .evaluation import accuracy_of, as_trained, estimated_and_true, turns_of
 from .run_directory import read_recipe
 
@@ -72,36 +72,41 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     Args:
         scale: what line integrals are divided by (default: the unit of the viewing's projection).
     """
-    sample, of_materials = opened.generator.sample(1, batch=1), opened.domain.name == "maps"
+    sample, projection = opened.generator.sample(1, batch=1), viewing.projection
+    inner = projection.projection if isinstance(projection, Standardised) else projection
+    of_materials = isinstance(inner, Selection | Rendering)
     size, listed = sample.shape[-1], are_pictures(paths, MATERIALS if of_materials else PICTURES)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
     if of_materials:
         files = required_pictures(paths[0], MATERIALS) if paths[0].is_dir() else list(paths)
-        inner = viewing.projection.projection if isinstance(viewing.projection, Standardised) else viewing.projection
         name = inner.map if isinstance(inner, Selection) else "photograph"
         found = read_photographs(files, size, name, coloured=sample.shape[1] == COLOURED)
-        return Collection(as_trained(viewing.projection, found.floats()), names=found.names)
-    if opened.domain.name == "image":
-        center = read_recipe(opened.path)["arguments"].get("center")
-        unit = unit_of(viewing.projection) if scale is None else scale
-        found = standardised_lines(Collection.lines(paths[0]), max(len(viewing.priors), 1), unit, center)
-        largest = found.floats().max().item()
-        if not FAINT < largest < BRIGHT:
-            warnings.warn(f"{paths[0]}: {ANOTHER_UNIT.format(unit, largest)}", stacklevel=2)
-        return found
-    if not viewing.projection.silhouettes:
+        return Collection(as_trained(projection, found.floats()), names=found.names)
+    if isinstance(inner, LineIntegral):
+        return _observed_lines(opened, paths[0], viewing, unit_of(inner) if scale is None else scale)
+    if not projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
         return read(paths[0], size, pictures="images")
     if listed:
         found = read_silhouettes(paths, 2 * size)
     else:  # pictures of an .npz that are not framed anew are brought to the size of training
-        unframed = size if isinstance(viewing.projection, Silhouette) else None
+        unframed = size if isinstance(projection, Silhouette) else None
         found = read(paths[0], 2 * size if paths[0].is_dir() else unframed)
     if len(found.shape) != 3:
         raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
-    return mapped(found, viewing.projection.prepare)
+    return mapped(found, projection.prepare)
+
+
+def _observed_lines(opened: Run, path: Path, viewing: Viewing, unit: float) -> Collection:
+    """Return line integrals as training took them, divided by `unit`."""
+    center = read_recipe(opened.path)["arguments"].get("center")
+    found = standardised_lines(Collection.lines(path), max(len(viewing.priors), 1), unit, center)
+    largest = found.floats().max().item()
+    if not FAINT < largest < BRIGHT:
+        warnings.warn(f"{path}: {ANOTHER_UNIT.format(unit, largest)}", stacklevel=3)
+    return found
 
 
 BRIGHT, FAINT = 2.0, 0.01

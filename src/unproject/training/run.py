@@ -22,7 +22,6 @@ from ..domains import Domain, domain_of
 from ..inversion import Fitter, Search, Viewing
 from ..metrics import Score
 from ..networks import Generator
-from ..networks.generators import FINE_VOXELS
 from . import checkpoint
 from .building import build, build_domain
 from .compatibility import check_data
@@ -91,7 +90,7 @@ class Run:
         if n < 0:
             raise UserError(f"{n} samples: give 0 or more")
         if size is not None:
-            _require_memory_of(n, size, self.domain.name)
+            require_memory(self.domain.bytes_at(size, n), f"{n} samples of size {size} take", "lower n or size")
         self._require_memory(n)
         x = self.generator.sample(n, seed) if size is None else self.generator.sample(n, seed, size=size)
         return self.domain.largest_part(x) if largest_part else x
@@ -276,15 +275,3 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = checkpoint.step_of(newest)
     return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
-
-
-TEXEL_BYTES = 600
-"""What a texel takes at most while a material is made at another size."""
-
-
-def _require_memory_of(n: int, size: int, domain: str) -> None:
-    """Refuse samples of another size that do not fit: twice, while they are put together, and what is made at once."""
-    need, what = 4 * (2 * n * size**3 + 8 * max(FINE_VOXELS, size**3)), "³ voxels"
-    if domain != "volume":
-        need, what = (4 * 2 * n * 8 + TEXEL_BYTES) * size**2, "² texels"
-    require_memory(need, f"{n} samples of {size}{what} take", "lower n or size")
