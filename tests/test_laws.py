@@ -569,3 +569,23 @@ def test_checks_leave_global_randomness_alone() -> None:
     before = torch.get_rng_state(), random.getstate()
     check_projection(Honest())
     assert torch.equal(torch.get_rng_state(), before[0]) and random.getstate() == before[1]
+
+
+def test_the_prior_of_an_observation_is_tested_too() -> None:
+    class Elsewhere(Uniform):
+        def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
+            return latents["angle"] > 3
+
+    with pytest.raises(LawError, match="Elsewhere breaks 1 of 6 laws tried"):
+        check_projection(Observation("around", LineIntegral(), Elsewhere("angle", 0, 7)))
+
+
+def test_a_class_is_tested_as_an_object_of_it_and_what_raises_says_what_it_was_given() -> None:
+    check_projection(LineIntegral)
+
+    class OfOneSize(Honest):
+        def forward(self, x: Tensor, *, azimuth: Tensor) -> Tensor:
+            return x.view(len(x), 32, 32)
+
+    with pytest.raises(LawError, match=r"given x \(3, 4, 4, 4\) of float64 \(an operator of one size alone names it"):
+        check_projection(OfOneSize)

@@ -32,6 +32,7 @@ PAGES = {
     "docs/tutorials/materials.md": {"data", "train", "render", "export"},
     "docs/tutorials/lines.md": {"data", "train", "export"},
     "docs/tutorials/operator.md": {"check", "train", "export"},
+    "docs/tutorials/parts.md": {"train", "resume", "export"},
     "docs/tutorials/cluster.md": {"data", "train", "resume"},
 }
 """Page → verbs that it has commands of."""

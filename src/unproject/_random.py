@@ -1,7 +1,8 @@
 """The only source of randomness: a generator derived from (seed, step, stream).
 
 Nothing in the package draws from the global state of torch, numpy or Python. Every draw depends on its place in the run
-alone, so a resumed run repeats the draws of an uninterrupted one.
+alone, so a resumed run repeats the draws of an uninterrupted one. Layers of a user's own do, such as dropout: each step
+of training seeds torch's global source for them (`seed_globally`).
 """
 
 from __future__ import annotations
@@ -39,6 +40,18 @@ def seeded(seed: int, stream: str = "") -> Iterator[None]:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(derived_seed(seed, 0, stream) % 2**63)
         yield
+
+
+@contextmanager
+def own_random_state(device: torch.device) -> Iterator[None]:
+    """Run a block that seeds torch's global sources, and give them back as they were."""
+    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+        yield
+
+
+def seed_globally(seed: int, step: int, stream: str) -> None:
+    """Seed torch's global sources, of all devices, by (seed, step, stream)."""
+    torch.manual_seed(derived_seed(seed, step, stream))
 
 
 class Part(torch.Generator):

@@ -5,7 +5,6 @@ An `Assignment` is a frozen setting; `begin(panel, seed)` makes its `AssignmentS
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from functools import cached_property
 from itertools import accumulate
 from typing import Any, ClassVar, TypeAlias
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -24,6 +24,7 @@ from ..projections.base import Projection
 from ..projections.observation import Observation, exact
 from ..projections.priors import sample_each
 from .assigned import Assigned, smallest
+from .checks import check_panel
 from .context import Context
 from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
@@ -104,35 +105,16 @@ class Panel:
     learned: tuple[LearnedLatent, ...] = field(default=(), metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
+        if isinstance(self.observations, Observation):
+            raise UserError("panel: give a list of observations, [observation] if it has one")
         object.__setattr__(self, "observations", tuple(self.observations))
+        if isinstance(self.data, Tensor | np.ndarray):
+            raise UserError(f"panel: its data are a {type(self.data).__name__}; give up.Collection(data)")
         if not isinstance(self.data, Collection):
             object.__setattr__(self, "data", tuple(self.data))
-        if not self.observations:
-            raise UserError("panel: give at least one observation")
-        names = ", ".join(repr(o.name) for o in self.observations)
-        if any(o.projection != self.projection for o in self.observations):
-            raise UserError(
-                f"panel of {names}: its observations must share one projection; make it once and give it to each, or "
-                "give each a panel of its own"
-            )
-        if len(self.collections) not in (1, len(self.observations)):
-            raise UserError(
-                f"panel of {names}: {len(self.collections)} collections for {len(self.observations)} observations; "
-                "give one for all, or one for each"
-            )
-        held_out = () if self.held_out is None else (self.held_out,)
-        if len({c.shape for c in (*self.collections, *held_out)}) > 1:
-            raise UserError(f"panel of {names}: its images differ in size; give each size a panel of its own")
         object.__setattr__(self, "learned", tuple(self.learned))
-        taken = {*self.projection.latents, *self.projection.optional_latents}
-        learned = [one.name for one in self.learned]
-        if not taken.issuperset(learned) or len(set(learned)) < len(learned):
-            raise UserError(
-                f"panel of {names}: learned={learned}: give latents of the projection, {sorted(taken)}, once each"
-            )
-        for name in ("weight", "penalty_scale"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise UserError(f"panel of {names}: {name}={getattr(self, name):g}: must be positive")
+        weights = {"weight": self.weight, "penalty_scale": self.penalty_scale}
+        check_panel(self.observations, self.collections, self.held_out, self.learned, weights)
 
     @property
     def projection(self) -> Projection:

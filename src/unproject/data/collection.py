@@ -269,6 +269,13 @@ class Collection:
         return f"{type(self).__name__}({len(self)} items of {shape} from {self.source}, {views})"
 
 
+def as_floats(items: Any) -> Tensor:
+    """Return the float32 items of a collection or an array, as `Collection` scales them; float tensors as they are."""
+    if isinstance(items, Tensor) and items.is_floating_point():
+        return items
+    return (items if isinstance(items, Collection) else Collection(items)).floats()
+
+
 def _tensor(items: Any, source: str) -> Tensor | Lazy:
     if isinstance(items, Lazy):
         return items

@@ -26,11 +26,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from .._random import generator_at
 from .._types import UserError
+from ..data.collection import as_floats
 from ..networks import Generator
 from .candidates import Candidates, each, rows
 from .consistency import MOST, Readings
@@ -103,18 +105,28 @@ class Fitter:
         if given != wanted or not len(pictures):
             raise UserError(f"{len(pictures)} pictures of {given}; give at least one, of {wanted} as in training")
 
-    def fit(self, pictures: Tensor, known: Latents | None = None, watch: Watch = lambda *of: None) -> Fit:
+    def fit(self, pictures: Tensor | np.ndarray, known: Latents | None = None, watch: Watch = lambda *of: None) -> Fit:
         """Return explanations of pictures (M, ...) of one object.
 
         Args:
+            pictures: a tensor or an array of floats, or of bytes, which are scaled as `Collection` does.
             known: latents of the views that are known, by name, (M,) each.
             watch: told of each step; what it raises ends the fit.
 
         Raises:
-            UserError: if there is no picture, or they are not of the size of the generator's projections.
+            UserError: if there is no picture, they are not of the size of the generator's projections, or what is known
+                is no latent of these, or of another number.
         """
+        pictures = as_floats(pictures)
         self.check(pictures)
-        known = {name: value.float() for name, value in (known or {}).items()}
+        known = {name: torch.as_tensor(value).float() for name, value in (known or {}).items()}
+        latents = (*self.viewing.projection.latents, *self.viewing.projection.optional_latents)
+        for name, value in known.items():
+            if name not in latents or tuple(value.shape) != (len(pictures),):
+                raise UserError(
+                    f"known {name!r} of shape {tuple(value.shape)}: give ({len(pictures)},) values of "
+                    f"{', '.join(latents) or 'nothing, as these pictures have no latents'}"
+                )
         of = Pictures(pictures, known, self.viewing.possible(known, len(pictures)))
         rng = generator_at(self.seed, 0, "fit")
         with _without_gradient(self.generator):

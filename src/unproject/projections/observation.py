@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from inspect import signature
 
 import torch
 from torch import Tensor
@@ -38,13 +39,20 @@ class Observation:
     prior: Prior = field(default_factory=Product)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.projection, Projection):
+            raise UserError(
+                f"observation {self.name!r}: its projection is a {type(self.projection).__name__}; give an object of a "
+                "subclass of Projection"
+            )
         wanted, drawn = set(self.projection.latents), set(self.prior.names)
         optional = sorted(self.projection.optional_latents)
+        given = [name for name in signature(self.projection.forward).parameters if name in drawn - wanted - {*optional}]
         if not wanted <= drawn <= wanted.union(optional):
             raise UserError(
                 f"observation {self.name!r}: {type(self.projection).__name__} takes the latents "
                 f"{sorted(wanted)} but the prior draws {sorted(drawn)}; make the prior draw just those"
                 + (f", and any of {optional}" if optional else "")
+                + (f"; write forward(self, x, *, {given[0]}, ...): latents are keywords alone" if given else "")
             )
 
     def __call__(self, x: Tensor, rng: torch.Generator) -> Tensor:

@@ -20,6 +20,9 @@ GRID, SINGLE = 2**40, 2**20
 class Prior(ABC):
     """A distribution p(θ) over latents, which draws them by name and tests whether given ones lie in its support.
 
+    Attributes:
+        names: of the latents.
+
     Examples:
         >>> import torch, unproject as up
         >>> class Tilt(up.Prior):
@@ -31,10 +34,7 @@ class Prior(ABC):
         >>> up.testing.check_prior(Tilt())
     """
 
-    @property
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Names of the latents."""
+    names: tuple[str, ...]
 
     @abstractmethod
     def sample(self, n: int, rng: torch.Generator) -> dict[str, Tensor]:

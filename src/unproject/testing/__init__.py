@@ -34,11 +34,13 @@ __all__ = [
 ]
 
 
-def check_projection(part: Projection | Observation, example: Tensor | None = None, seed: int = 0) -> None:
+def check_projection(
+    part: Projection | type[Projection] | Observation, example: Tensor | None = None, seed: int = 0
+) -> None:
     """Test the laws of a projection.
 
     Args:
-        part: a projection, whose latents are drawn from U[0, 1), or an observation, which has a prior.
+        part: a projection, whose latents are drawn from U[0, 1), or an observation, whose prior is tested too.
         example: a batch of x (default: three random ones of the projection's `example_shape`, values in [0, 1]).
         seed: of the random draws.
 
@@ -61,7 +63,11 @@ def check_projection(part: Projection | Observation, example: Tensor | None = No
         unproject.testing.laws.LawError: Normalised breaks 4 of 11 laws tried
         ...
     """
-    raise_broken(part, apply_laws(PROJECTION_LAWS, projection_case(part, example, seed)))
+    part = part() if isinstance(part, type) else part
+    if isinstance(part, Observation):
+        check_prior(part.prior, seed)
+    projection = part.projection if isinstance(part, Observation) else part
+    raise_broken(projection, apply_laws(PROJECTION_LAWS, projection_case(part, example, seed)))
 
 
 def check_prior(prior: Prior, seed: int = 0) -> None:
@@ -117,7 +123,7 @@ def run_laws(part: Any, seed: int = 0) -> list[LawResult]:
         return apply_laws(PROJECTION_LAWS, projection_case(part, None, seed))
     if isinstance(part, Prior):
         return apply_laws(PRIOR_LAWS, PriorCase(part, seed))
-    if isinstance(part, nn.Module):
+    if isinstance(part, nn.Module) and hasattr(part, "draw"):
         low, high = RANGES.get(getattr(part, "domain", "images"), (-math.inf, math.inf))
         return apply_laws(GENERATOR_LAWS, generator_case(part, seed, low, high))
     raise UserError(f"{part!r} is no Projection, Observation, Prior or generator module; give one of these")

@@ -49,9 +49,11 @@ class Law(Generic[Case]):
     def apply(self, case: Case) -> LawResult:
         try:
             return LawResult(self.name, True, f"{self.statement} ({self.test(case)})")
-        except Exception as error:
-            measured = str(error) if isinstance(error, LawError) else f"{type(error).__name__}: {error}"
-            return LawResult(self.name, False, f"{self.statement}; but {measured}. Likely cause: {self.cause}")
+        except LawError as error:
+            return LawResult(self.name, False, f"{self.statement}; but {error}. Likely cause: {self.cause}")
+        except Exception as error:  # any, as the part is a user's
+            given = getattr(case, "given", "")
+            return LawResult(self.name, False, f"{self.statement}; but {type(error).__name__}: {error}{given}")
 
 
 def apply_laws(laws: Sequence[Law[Case]], case: Case) -> list[LawResult]:

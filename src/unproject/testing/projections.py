@@ -30,6 +30,11 @@ class ProjectionCase:
     x: Tensor
     theta: dict[str, Tensor]
 
+    @property
+    def given(self) -> str:
+        """What an operator was called with, for one that raises."""
+        return f", given x {tuple(self.x.shape)} of float64 (an operator of one size alone names it: `example_shape`)"
+
     def project(self, x: Tensor | None = None, rows: Any = slice(None), seed: int = 0) -> Tensor:
         """Return P(x, θ[rows]) of fresh copies, under a fixed global seed."""
         x = self.x[rows] if x is None else x

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from .._objects import module_name
 from .._types import UserError
 from ..domains import Domain
 from .run_directory import read_recipe
@@ -22,6 +25,41 @@ def is_foreign(path: Path) -> bool:
 def _outside(name: str) -> bool:
     """Whether `module:name` is of another package."""
     return name.partition(":")[0].partition(".")[0] != "unproject"
+
+
+BY_RECIPE = "open it by its recipe, unproject.load(path, recipe=recipe)"
+
+
+def _imported(module: str, attribute: str) -> Any:
+    """Return what a module holds; the script that runs is not imported again."""
+    found: Any = sys.modules["__main__"] if module == module_name("__main__") else import_module(module)
+    for part in attribute.split("."):
+        found = getattr(found, part)
+    return found
+
+
+def _argument(path: Path, name: str, value: Any, trust: bool) -> Any:
+    """Return an argument that recipe.json describes: classes and functions are imported, with `trust`.
+
+    Raises:
+        UserError: for tensors, arrays and collections, of which recipe.json holds the digest alone.
+    """
+    if isinstance(value, list):
+        return [_argument(path, name, part, trust) for part in value]
+    if not isinstance(value, Mapping):
+        return value
+    if "sha256" in value:
+        (kind,) = {"tensor", "array", "collection"} & value.keys() or {"tensor"}
+        raise UserError(
+            f"{path}: argument {name!r} of its generator is of the type {kind}, of which recipe.json holds the digest "
+            f"alone; {BY_RECIPE}, or make it a buffer that the checkpoint restores"
+        )
+    if trust and "call" in value:
+        found = _imported(*str(value["call"]).split(":"))
+        given = {key: _argument(path, key, part, trust) for key, part in value["arguments"].items()}
+        more = [_argument(path, name, part, trust) for part in value["positional"]]
+        return partial(found, *more, **given) if more or given else found
+    return {key: _argument(path, key, part, trust) for key, part in value.items()}
 
 
 def build_domain(path: Path, described: Any, trust: bool) -> Domain:
@@ -41,23 +79,31 @@ def build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
         raise UserError(f"{path}: recipe.json does not say how to build the {name}; restore the file") from error
     module, _, attribute = where.partition(":")
     if not trust and _outside(where):
-        raise UserError(f"{path}: its {name} is {where}, code outside unproject; add --trust if you wrote it")
+        raise UserError(
+            f"{path}: its {name} is {where}, code outside unproject; add --trust (trust=True) if you wrote it"
+        )
     if "<" in attribute:
         raise UserError(
-            f"{path}: its {name} is a lambda or a function within a function, which nothing can import; train with "
-            "the class itself, or functools.partial of it"
+            f"{path}: its {name} is a lambda or a function within a function, which nothing can import; {BY_RECIPE}, "
+            "or train with the class itself, or functools.partial of it"
         )
     try:
-        build: Any = import_module(module)
-        for part in attribute.split("."):
-            build = getattr(build, part)
+        build = _imported(module, attribute)
         if trust or (isinstance(build, type) and issubclass(build, kind)):
-            return build(*positional, **arguments)
+            given = {key: _argument(path, key, value, trust) for key, value in arguments.items()}
+            return build(*(_argument(path, str(i), value, trust) for i, value in enumerate(positional)), **given)
+    except UserError:
+        raise
     except ModuleNotFoundError as error:
         raise UserError(
             f"{path}: its {name} is {where}, and there is no module {error.name!r} here; run from its folder, install "
-            "it, or if a script defined it, let @unproject.resumable remember the function that made the recipe"
+            "it, or if a script defined it, let @unproject.resumable remember the function that made the recipe, or "
+            f"{BY_RECIPE}"
         ) from error
+    except AttributeError as error:
+        if module == "__main__":  # of a notebook or a script that was read from standard input
+            raise UserError(f"{path}: its {name} is {where} of another session; {BY_RECIPE}") from error
+        raise UserError(f"{path}: its {name} is {where}, which {error}; {BY_RECIPE}") from error
     except Exception as error:  # a constructor refuses wrong arguments with whatever kind of error it runs into
         raise UserError(
             f"{path}: the {name} of recipe.json cannot be built ({type(error).__name__}: {error}); restore the file"

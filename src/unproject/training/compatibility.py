@@ -24,8 +24,8 @@ def check_same(path: Path, recipe: Recipe) -> None:
     for name in before | now:
         if name not in HARMLESS and not matches(before.get(name), now.get(name)):
             raise UserError(
-                f"{path}: {name} differs from when the run was started; resume with the same recipe and data, "
-                "or start a new run"
+                f"{path}: {name} differs from when the run was started; resume with the same recipe and data, or begin "
+                "a new run, with the weights of this one by train --from (unproject.train(recipe, out, start=path))"
             )
 
 

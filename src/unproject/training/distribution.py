@@ -38,7 +38,7 @@ class Distribution:
         if device == "auto":
             device = "cuda" if torch.cuda.is_available() else "cpu"
         if device == "cuda" and not torch.cuda.is_available():
-            raise UserError("device 'cuda': no CUDA device is there; use --device cpu")
+            raise UserError("device 'cuda': no CUDA device is there; use cpu")
         if device not in ("cpu", "cuda"):
             raise UserError(f"device {device!r}: choose auto, cpu or cuda")
         self.device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if device == "cuda" else "cpu")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
+from .._random import own_random_state
 from .._types import UserError
 from . import checkpoint, event_file, run_directory
 from .compatibility import check_same
 from .distribution import Distribution
 from .health import Diverged
 from .origin import rebuild
+from .parts import check_parts
 from .recipe import Recipe
 from .recorder import Recorder
 from .recovery import roll_back
@@ -20,6 +23,8 @@ from .start import start_from
 from .state import State
 from .trainer import Interrupted, Trainer
 
+Log: TypeAlias = Literal["tensorboard"] | Callable[[dict[str, Any]], object]
+
 
 def train(
     recipe: Recipe,
@@ -28,7 +33,7 @@ def train(
     start: str | Path | None = None,
     device: str = "auto",
     quiet: bool = False,
-    log: Literal["tensorboard"] | None = None,
+    log: Log | None = None,
 ) -> Run:
     """Train a recipe into a new run directory and return the run.
 
@@ -39,11 +44,12 @@ def train(
             same, and of discriminators and the view predictor where they fit. It may be deleted afterwards.
         device: "auto", "cpu" or "cuda".
         quiet: show no progress bar.
-        log: "tensorboard" keeps the log as an event file of TensorBoard too, in OUT/tensorboard.
+        log: "tensorboard" keeps the log as an event file of TensorBoard too, in OUT/tensorboard; or a function that is
+            called with each line of stats.jsonl, a dictionary, in the process that writes it.
 
     Raises:
-        UserError: if `out` holds a run already, the generator of `start` is another, or training diverges twice, or
-            before its first checkpoint.
+        UserError: if `out` holds a run already, parts of the recipe do not fit one another (`check_parts`), the
+            generator of `start` is another, or training diverges twice, or before its first checkpoint.
         OSError: if the disk is full; checkpoints already written stay good.
 
     Examples:
@@ -60,10 +66,12 @@ def train(
         >>> run.step, run.sample(2).shape
         (1, torch.Size([2, 16, 16, 16]))
     """
+    _check_log(log)
     distribution = Distribution(device)
     out = Path(out)
     run_directory.check_free(out, recipe)
     state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
+    check_parts(recipe, state)
     began = None if start is None else start_from(state, Path(start))
     content = run_directory.content_of(recipe, began)
     distribution.barrier()
@@ -73,12 +81,12 @@ def train(
         if distribution.leads:
             run_directory.check_free(out)  # another process may have made a run there meanwhile
             run_directory.create(out, content)
-            if log is not None:
+            if log == "tensorboard":
                 (out / event_file.FOLDER).mkdir(exist_ok=True)
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())
         try:
-            return _run(recipe, out, state, distribution, quiet)
+            return _run(recipe, out, state, distribution, quiet, log)
         except Exception:  # as that there is too little memory: the same command is to find the place free
             if distribution.leads and not state.counters.step:
                 run_directory.remove_begun(out)
@@ -94,6 +102,7 @@ def resume(
     device: str = "auto",
     trust: bool = False,
     quiet: bool = False,
+    log: Callable[[dict[str, Any]], object] | None = None,
 ) -> Run:
     """Continue a run from its newest checkpoint.
 
@@ -104,6 +113,7 @@ def resume(
         device: "auto", "cpu" or "cuda".
         trust: import the recipe's code although it is not of this package.
         quiet: show no progress bar.
+        log: a function that is called with each new line of stats.jsonl.
 
     Raises:
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.
@@ -122,6 +132,7 @@ def resume(
         >>> up.resume(run.path, recipe, steps=2, quiet=True).step
         2
     """
+    _check_log(log)
     path = Path(path)
     stored = checkpoint.list_checkpoints(path / "checkpoints")
     if stored and not checkpoint.load(stored[-1], "counters/step"):
@@ -140,11 +151,23 @@ def resume(
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
         elif run_directory.read_recipe(path)["start"] is not None:
             raise UserError(f"{path}: was stopped before its first weights were stored; delete it, and train again")
-        return _run(recipe, path, state, distribution, quiet)
+        return _run(recipe, path, state, distribution, quiet, log)
 
 
-def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool) -> Run:
-    with Recorder(out, state.counters.lines, distribution.leads, quiet) as recorder, stop_request() as stop:
+def _check_log(log: object) -> None:
+    if not (log is None or log == "tensorboard" or callable(log)):
+        raise UserError(f"log={log!r}: give 'tensorboard', or a function that is called with each line of the log")
+
+
+def _run(
+    recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool, log: Log | None = None
+) -> Run:
+    tell = log if callable(log) else None
+    with (
+        Recorder(out, state.counters.lines, distribution.leads, quiet, tell) as recorder,
+        stop_request() as stop,
+        own_random_state(distribution.device),
+    ):
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
         going = True
         while going:

@@ -25,8 +25,9 @@ def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
 
     Examples:
         >>> import unproject as up
+        >>> from typing_extensions import Unpack
         >>> @up.resumable
-        ... def volumes(*, count: int = 4, **options) -> up.Recipe:
+        ... def volumes(*, count: int = 4, **options: Unpack[up.Options]) -> up.Recipe:
         ...     panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(count, 16)))
         ...     return up.Recipe(up.networks.LowRankGenerator, [panel], steps=10).configured(options)
         >>> volumes(count=3, steps=5).origin.arguments
@@ -137,7 +138,7 @@ def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recip
 
 def _trusted(origin: Origin, trust: bool) -> Callable[..., Any]:
     """Return the recipe function; without `trust` only a resumable one of this package, not what a module imported."""
-    outside = UserError(f"this run's recipe is {origin.recipe}, code outside unproject; add --trust if you wrote it")
+    outside = UserError(f"this run's recipe is {origin.recipe}, code outside unproject; add --trust (trust=True)")
     if not trust and not origin.function.startswith("unproject."):
         raise outside
     function = find_object(origin.function)

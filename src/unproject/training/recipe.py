@@ -95,7 +95,8 @@ class Recipe:
         generator: builds the generator; `functools.partial(LowRankGenerator, size=32)`.
         panels: observations and their data, a discriminator each. The `Identity` projection is direct training.
         domain: what the generator makes (default: the domain that the generator's class names).
-        discriminator: (shape of one image, number of heads) → discriminator.
+        discriminator: (shape of one image, number of heads) → discriminator, which is called with images y (B, *shape)
+            and the head of each, (B,) integers, and returns logits (B,).
         loss: the adversarial loss.
         penalty: the gradient penalty of the discriminators (None: no penalty).
         augmentation: of all images that discriminators see, real and generated; for small collections.
@@ -159,7 +160,14 @@ class Recipe:
     origin: Origin | None = field(default=None, compare=False, repr=False, metadata={"described": False})
 
     def __post_init__(self) -> None:
+        if isinstance(self.panels, Panel):
+            raise UserError("panels: give a list of panels, [panel] if there is one")
         object.__setattr__(self, "panels", tuple(self.panels))
+        for name in ("generator", "discriminator"):
+            if isinstance(getattr(self, name), nn.Module):
+                raise UserError(f"{name}: is built for each run anew; give the class, or functools.partial of it")
+        if not isinstance(self.loss, Loss):
+            raise UserError(f"loss={self.loss!r}: give a Loss, such as up.Hinge()")
         if not self.panels:
             raise UserError("the recipe has no panels: give at least one Panel(observations, data)")
         for name, choices in (("precision", ("float32", "bfloat16")), ("normalise_over", (None, "processes"))):
@@ -191,6 +199,12 @@ class Recipe:
             )
         if self.steps is None and self.minutes is None:
             raise UserError("the recipe has no budget: give steps or minutes")
+
+    def __repr__(self) -> str:
+        generator = getattr(self.generator, "func", self.generator)
+        panels = ", ".join(f"{panel.observations[0].name} ({len(panel)})" for panel in self.panels)
+        budget = f"steps={self.steps}, minutes={self.minutes}, batch={self.batch}, seed={self.seed}"
+        return f"Recipe({getattr(generator, '__name__', generator)}, panels: {panels}, {budget})"
 
     @property
     def samples(self) -> int:

@@ -27,9 +27,18 @@ class Recorder:
         lines: number of lines of stats.jsonl when the checkpoint was written; later lines are dropped.
         leads: whether this process writes the log and shows the bar.
         quiet: show no bar.
+        tell: called with each line that is written.
     """
 
-    def __init__(self, path: Path, lines: int = 0, leads: bool = True, quiet: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        lines: int = 0,
+        leads: bool = True,
+        quiet: bool = False,
+        tell: Callable[[dict[str, Any]], object] | None = None,
+    ) -> None:
+        self.tell = tell if leads else None
         self.file = path / "stats.jsonl" if leads else Path(os.devnull)
         self.lines = lines
         if leads:
@@ -85,6 +94,8 @@ class Recorder:
             if self.events:
                 self.events.write(line)
         self.lines += 1
+        if self.tell is not None:
+            self.tell(line)
 
     def show(self, progress: float, note: str) -> None:
         """Move the bar to a part of the budget, 0 to 1, with a note behind it."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,13 +19,14 @@ from .._random import seeded
 from .._types import UserError
 from ..assignment import AssignmentState
 from ..data import Collection
+from ..data.collection import as_floats
 from ..domains import Domain, domain_of
 from ..inversion import Fitter, Search, Viewing
 from ..metrics import Score
 from ..networks import Generator
 from . import checkpoint
 from .building import build, build_domain
-from .compatibility import check_data
+from .compatibility import check_data, check_same
 from .estimate import require_memory
 from .evaluation import estimated_view_scores, observed_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
@@ -75,6 +77,9 @@ class Run:
     complete: bool = True
     made: Recipe | None = field(default=None, repr=False, compare=False)
     trusted: bool = field(default=False, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        return f"Run('{self.path}', {self.step} steps, {type(self.generator).__name__}, {self.domain.name})"
 
     def sample(self, n: int, seed: int = 0, *, largest_part: bool = False, size: int | None = None) -> Tensor:
         """Return n samples (n, ...) on the CPU; the same seed gives the same ones.
@@ -128,7 +133,7 @@ class Run:
 
     def evaluate(
         self,
-        reference: Tensor | Collection | Mapping[str, Tensor] | None = None,
+        reference: Tensor | np.ndarray | Collection | Mapping[str, Tensor] | None = None,
         *,
         n: int | None = None,
         seed: int = 0,
@@ -139,9 +144,9 @@ class Run:
         """Score the run: its samples, their projections, and the views that it estimated.
 
         Args:
-            reference: held-out samples, or projections of such, as they are read; of a run with several observations,
-                projections by their names (default: none; then only samples by themselves, their projections against
-                the training images, and the views are checked).
+            reference: held-out samples, or projections of such, as they are read, or as tensors or arrays; of a run
+                with several observations, projections by their names (default: none; then only samples by themselves,
+                their projections against the training images, and the views are checked).
             n: samples to score (default: the domain's number).
             seed: of the samples and of the measurement.
             ceiling: also train a view predictor on the known views, which takes a minute or two.
@@ -162,7 +167,7 @@ class Run:
             return self_checks(self.generator, self.domain, states, count, seed) | views
         if isinstance(reference, Mapping):
             return observed_scores(self.generator, self.domain, states, reference, count, seed) | views
-        items = reference.floats() if isinstance(reference, Collection) else reference
+        items = as_floats(reference)
         center = recipe.origin.arguments.get("center") if recipe.origin else None
         return sample_scores(self.generator, self.domain, states, items, count, seed, center) | views
 
@@ -231,7 +236,7 @@ class Run:
         return states
 
 
-def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
+def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: Recipe | None = None) -> Run:
     """Open a run: the averaged weights of its newest checkpoint. The training data are not needed.
 
     The classes of generator and domain are named in recipe.json. Classes of this package are built at once; a class
@@ -241,9 +246,12 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
         path: the run directory.
         device: where to put the generator: "cpu" or "cuda".
         trust: import code outside this package.
+        recipe: the run's recipe, which builds the generator in place of what recipe.json names: for a class that
+            cannot be imported, as of a notebook, or whose arguments are tensors. Nothing else needs `trust` then.
 
     Raises:
-        UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted.
+        UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted; if `recipe` has another
+            generator or domain, or other data.
 
     Examples:
         >>> import functools, unproject as up
@@ -261,11 +269,16 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
     """
     path = Path(path)
     stored = read_recipe(path)
-    if trust and ":" in stored["recipe"]:
-        find_object(stored["recipe"])  # its file is no module that could be imported by name
-    generator = build(path, stored["resolved"].get("generator"), Generator, trust)
-    given = stored["resolved"].get("domain")
-    domain = domain_of(generator, None if given is None else build_domain(path, given, trust))
+    if recipe is not None:
+        check_same(path, recipe)
+        generator, given = recipe.generator(), recipe.domain
+    else:
+        if trust and ":" in stored["recipe"]:
+            find_object(stored["recipe"])  # its file is no module that could be imported by name
+        generator = build(path, stored["resolved"].get("generator"), Generator, trust)
+        described = stored["resolved"].get("domain")
+        given = None if described is None else build_domain(path, described, trust)
+    domain = domain_of(generator, given)
     newest = checkpoint.newest(path / "checkpoints")
     tensors = checkpoint.load(newest, "average/")
     try:
@@ -274,4 +287,4 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False) -> Run:
         raise UserError(f"{newest}: the weights do not fit recipe.json: another run's or version's") from error
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = checkpoint.step_of(newest)
-    return Run(path, generator.eval().to(torch.device(device)), step, domain, trusted=trust)
+    return Run(path, generator.eval().to(torch.device(device)), step, domain, made=recipe, trusted=trust)

@@ -100,11 +100,14 @@ class State:
 
     def _build_networks(self, recipe: Recipe) -> None:
         """Build generator and discriminators with new weights and optimisers."""
-        self.generator = recipe.generator().to(self.device)
+        generator = recipe.generator()
+        if not isinstance(generator, Generator):
+            raise UserError(f"generator: made a {type(generator).__name__}; make a subclass of up.Generator")
+        self.generator = generator.to(self.device)
         if recipe.normalise_over == "processes":
             share_statistics(self.generator)
         heads = [panel.assignment.heads(panel) for panel in recipe.panels]
-        built = [recipe.discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
+        built = [self._discriminator(panel.shape, count) for panel, count in zip(recipe.panels, heads, strict=True)]
         for discriminator in built:
             if getattr(discriminator, "group", ...) is None:
                 vars(discriminator)["group"] = recipe.batch
@@ -125,6 +128,14 @@ class State:
         )
         self.generator_optimiser = optimiser_of(self.generator, recipe.generator_optimiser)
         self.discriminator_optimiser = optimiser_of(self.discriminators, recipe.discriminator_optimiser)
+
+    def _discriminator(self, shape: tuple[int, ...], heads: int) -> nn.Module:
+        try:
+            return self.recipe.discriminator(shape, heads)
+        except TypeError as error:
+            raise UserError(
+                f"discriminator: called with (shape of one image, number of heads), {shape} and {heads}: {error}"
+            ) from error
 
     def let_discriminators_learn(self, learn: bool) -> None:
         """Let gradients reach their parameters or not; those that were frozen when they were built stay so."""

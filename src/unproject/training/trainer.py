@@ -18,7 +18,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .._random import derived_seed, generator_at
+from .._random import derived_seed, generator_at, seed_globally
 from ..adversarial.penalties import Penalty
 from . import checkpoint
 from .balancing import Term, balanced_loss
@@ -84,6 +84,7 @@ class Trainer:
             self.forward = self._compiled()
         if not self._assign(progress):
             return
+        seed_globally(recipe.seed, state.counters.step, f"layers/{self.distribution.rank}")  # for dropout
         began = time.monotonic()
         self._remember()
         self._set_rates(progress)
