@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -168,6 +169,14 @@ def test_the_run_that_comes_with_the_package_is_small_and_good(tmp_path: Path) -
     x = up.from_pretrained("chairs").sample(4, largest_part=True)
     assert not up.Volumes().empty(x).any()
     assert x.equal(up.load(put).sample(4, largest_part=True))
+
+
+def test_the_data_of_the_run_that_comes_with_the_package_are_known_again(tmp_path: Path) -> None:
+    """On any processor: they are compared by sketches. A false alarm would be the first that a newcomer sees."""
+    run = up.load(put_example("chairs", tmp_path / "runs"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run.with_recipe().made is not None
 
 
 def test_relative_paths_of_the_command_are_not_shared(run: Path, tmp_path: Path) -> None:

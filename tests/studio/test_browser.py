@@ -47,12 +47,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     runs = tmp_path_factory.mktemp("runs")
     flags = (
         "--size 16 --channels 16 --rank 8 --batch 16 --steps 60 --views predicted --rate 0.005 --solid 0.5 --gamma 0.01"
-        " --seed 3"  # with which no sample is nearly empty, with one thread and with two
+        " --ema-half-life 0 --quiet"
     )
-    words = ["train", "shapes", *flags.split(), "--ema-half-life", "0", "--out", str(runs / "chairs"), "--quiet"]
-    assert main(words) == 0
-    voxels = (load(runs / "chairs").sample(8) > 0.5).sum((1, 2, 3))
-    assert voxels.min() > 40, f"the tests of exports need samples that are not empty: {voxels.tolist()}"
+    for seed in ("3", "4", "5", "6", "7"):  # exports need samples that are not nearly empty; processors round otherwise
+        assert main(["train", "shapes", *flags.split(), "--seed", seed, "--out", str(runs / "chairs")]) == 0
+        if (load(runs / "chairs").sample(8) > 0.5).sum((1, 2, 3)).min() > 40:
+            break
+        shutil.rmtree(runs / "chairs")
     panel = Panel([Observation("itself", Identity())], Collection(torch.as_tensor(wood(4, 16, 0)).float()))
     generator, judge = partial(StationaryMaterials, size=16, channels=8), partial(Discriminator, channels=4)
     train(Recipe(generator, [panel], discriminator=judge, steps=2, batch=2), runs / "wood", quiet=True)
@@ -338,6 +339,41 @@ def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path)
     assert Path(told.value.path()).read_bytes()[:4] == b"glTF"
     tab.page.reload()
     tab.until("What was found")
+
+
+def test_a_fit_is_followed_on_after_an_answer_that_was_lost(tab: Tab, tmp_path: Path) -> None:
+    lost = [True]
+
+    def answer(route: Any) -> None:
+        route.abort() if route.request.method == "GET" and lost and lost.pop() else route.continue_()
+
+    picture = np.zeros((64, 64), np.uint8)
+    picture[10:54, 20:44] = 255
+    Image.fromarray(picture).save(tmp_path / "seat.png")
+    tab.page.route("**/api/fit?*", answer)
+    tab.go("fit?run=chairs")
+    tab.page.wait_for_selector(".zone")
+    tab.page.click("summary")
+    tab.page.uncheck("input[type=checkbox]")
+    dropped(tab, "document", "seat.png", (tmp_path / "seat.png").read_bytes())
+    tab.until("Done in")
+    assert not lost and not tab.page.is_visible("#trouble")
+
+
+def test_a_file_that_no_panel_takes_is_refused(tab: Tab) -> None:
+    tab.go("runs")
+    tab.until("runs in")
+    dropped(tab, "document", "seat.png", b"x")
+    assert "takes no file" in tab.trouble()
+
+
+def test_keys_work_while_a_slider_has_the_focus(tab: Tab) -> None:
+    tab.go("explore?run=chairs&slides=1")
+    tab.drawn()
+    tab.page.wait_for_selector(".cells button")
+    tab.page.focus(".slider:not([hidden]) input")
+    tab.page.keyboard.press("r")
+    tab.page.wait_for_function("() => !/slides=[^&]/.test(location.hash)")
 
 
 BAD_PLACES = {

@@ -160,6 +160,17 @@ def test_a_view_that_is_none_is_said(shapes: State, said: Said, fast: None) -> N
     assert "give degrees of azimuth" in ended(shapes, said, begun(shapes, said, mask(), view="north"))["error"]
 
 
+def test_what_training_pictures_tell_is_made_once_for_all_searches(
+    shapes: State, said: Said, fast: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    monkeypatch.setattr(explaining, "_novelty", lambda means: made.append(1))
+    for search in ("quick", "thorough"):
+        found = ended(shapes, said, begun(shapes, said, mask(), novelty=1, search=search))
+        assert found["stage"] == "done"
+    assert len(made) == 1
+
+
 def test_no_more_fits_wait_than_the_queue_holds(shapes: State, said: Said) -> None:
     go = threading.Event()
     held = shapes.jobs.submit(go.wait)
@@ -169,6 +180,7 @@ def test_no_more_fits_wait_than_the_queue_holds(shapes: State, said: Said) -> No
     status, found = said(shapes, "/api/fit", "POST", mask(), run="chairs", name="x.png")
     for fit in begun_fits:
         said(shapes, "/api/stop", "POST", b"", fit=fit)
+        assert said(shapes, "/api/fit", fit=fit)[1]["stage"] == "stopped"  # at once, though another is being computed
     go.set()
     assert status == 503 and "wait a moment" in found["error"]
     assert {ended(shapes, said, fit)["stage"] for fit in begun_fits} == {"stopped"}

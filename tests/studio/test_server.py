@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import http.client
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -122,7 +124,9 @@ def test_another_machine_needs_the_token(runs: Path) -> None:
         cookie = headers["Set-Cookie"]
         assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
         assert ask(studio, "/api/runs", Cookie=cookie.partition(";")[0])[0] == 200
-        assert ask(studio, "/api/runs", Cookie="unproject-studio=wrong")[0] == 403
+        name = cookie.partition("=")[0]
+        assert str(studio.server_address[1]) in name  # browsers send cookies to all ports of a host
+        assert ask(studio, "/api/runs", Cookie=f"{name}=wrong")[0] == 403
 
 
 @pytest.mark.parametrize("name", ["..", "../secret", "/etc", "toy/../../secret", "a\0b", "x" * 5000, "linked"])
@@ -227,3 +231,27 @@ def test_hosts_as_browsers_write_them() -> None:
     assert Guard.of("127.0.0.1", 80, None).refusal({"Host": "127.0.0.1"}) is None
     assert Guard.of("MyBox", 8600, None).refusal({"Host": "mybox:8600"}) is None
     assert Guard.of("127.0.0.1", 8600, None).refusal({"Host": "127.0.0.1"}) is not None
+
+
+BUSY = """
+import os, signal, threading, time
+import torch
+from unproject.studio import server
+
+def ends(studio):
+    studio.state.jobs.submit(lambda: [torch.rand(300, 300) @ torch.rand(300, 300) for _ in range(10**6)])
+    while not studio.state.jobs.busy:
+        time.sleep(0.01)
+    raise KeyboardInterrupt
+
+server.Studio.serve_forever = ends
+server.serve({folder!r}, port=0)
+"""
+
+
+def test_ctrl_c_ends_it_while_it_computes(runs: Path) -> None:
+    """Python would end around the thread that is within torch, which aborts the process."""
+    done = subprocess.run(
+        [sys.executable, "-c", BUSY.format(folder=str(runs))], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr) == (0, "") and "Ctrl-C ends it" in done.stdout

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterable
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 from typing import Any
 
+from .._types import UserError
 from ..training.building import is_foreign
+from ..training.checkpoint import has_weights_alone
 from .contents import Contents, number
 from .curves import HEIGHT, charts_of, draw
 from .markup import command, definitions, paragraph, picture, section, text
@@ -209,13 +212,17 @@ def commands_section(contents: Contents) -> str:
     drawn = " --trust" if is_foreign(contents.path) else ""
     minutes = math.ceil(min(2 * max(contents.seconds, 30) / 60, LONGEST))
     further = f"unproject resume {run}" + (f" --minutes {minutes}" if contents.complete else "")
+    goes_on = [command("goes on with it", further + again)]
+    if _has_weights_alone(contents.path):
+        new, recipe = shlex.quote(f"{contents.path}-more"), shlex.quote(str(contents.recipe.get("recipe", "")))
+        goes_on = [command("begins a new run with its weights", f"unproject train {recipe} --from {run} --out {new}")]
     folder, meshes = (shlex.quote(str(contents.path / name)) for name in ("samples.png", "meshes"))
     domain = contents.recipe["resolved"].get("domain")
     shapes = isinstance(domain, dict) and domain.get("type") == "unproject.domains.volumes:Volumes"
     return section(
         "Commands",
         command("made this run", made) if made else paragraph("environment.json does not tell the command."),
-        command("goes on with it", further + again),
+        *goes_on,
         command("scores it", f"unproject evaluate {run}{again}"),
         command("writes more samples", f"unproject export {run} --to png --out {folder}{drawn}"),
         *(
@@ -225,6 +232,13 @@ def commands_section(contents: Contents) -> str:
         ),
         command("writes a page like this", f"unproject report {run}{again}"),
     )
+
+
+def _has_weights_alone(path: Path) -> bool:
+    """Whether it is a shared run; a damaged one is not."""
+    with suppress(UserError, OSError):
+        return has_weights_alone(path / "checkpoints")
+    return False
 
 
 def environment_section(contents: Contents) -> str:

@@ -15,7 +15,7 @@ from torch import Tensor
 from .._types import UserError
 from ..assignment import AssignmentState
 from ..data import Collection
-from ..inversion import Fit, Fitter, Novelty, Search
+from ..inversion import Fit, Fitter, Novelty, Search, Viewing
 from ..training import Run
 from ..training.fitted_pictures import (
     Frame,
@@ -70,7 +70,7 @@ class Means:
     run: Run
     state: AssignmentState
     frame: Frame
-    fitter: Fitter
+    viewing: Viewing
 
     @classmethod
     def of(cls, run: Run, asked: Asked) -> Means:
@@ -78,8 +78,7 @@ class Means:
         states = run.assignments(run.recipe())
         state = state_of(states, asked.observation)
         viewing = framed_viewing(viewing_of(state, asked.observation), [Path(asked.name)])
-        fitter = run.fitter(viewing=viewing, search=SEARCHES[asked.search])
-        return cls(run, state, Frame.of(run.domain, states, state), fitter)
+        return cls(run, state, Frame.of(run.domain, states, state), viewing)
 
 
 class Explanation:
@@ -115,11 +114,15 @@ class Explanation:
         return self.stage in ("done", "stopped", "failed")
 
     def stop(self) -> None:
-        """End it at the next step."""
+        """End it at the next step, or at once if it waits."""
         self._unwanted.set()
+        if self.stage == "waiting":
+            self._end("stopped")
 
     def explain(self, state: State) -> None:
         """Do it, from reading the picture on; what goes wrong is kept for whoever looks."""
+        if self.ended:
+            return
         begin = time.perf_counter()
         try:
             self._explain(state)
@@ -137,19 +140,17 @@ class Explanation:
         asked = self.asked
         self._now("opening the run")
         self.run = run = state.opened(asked.run)
-        key = (
-            asked.run,
-            state.version(run),
-            asked.observation,
-            asked.search,
-            Path(asked.name).suffix.lower() == ".npz",
-        )
+        key = (asked.run, state.version(run), asked.observation, Path(asked.name).suffix.lower() == ".npz")
         self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
+        search = SEARCHES[asked.search]
+        fitter: Fitter = state.kept(
+            ("fitter", *key, asked.search), lambda: run.fitter(viewing=means.viewing, search=search), 2
+        )
         self._now("reading the picture")
         found = _read(asked, means)
         self.pictures = pictures = found.floats()
         self._now("comparing it with samples")
-        fit = means.fitter.fit(pictures, found.latents, self._watch)
+        fit = fitter.fit(pictures, found.latents, self._watch)
         self.x, self.projected, self.why = fit.x[:1], fit.projected, doubts(run, fit, None)
         self.fit = fit
         if asked.novelty:
@@ -172,12 +173,12 @@ class Explanation:
 
 
 def _novelty(means: Means) -> Novelty | None:
-    return novelty_of(means.state, means.fitter.viewing)
+    return novelty_of(means.state, means.viewing)
 
 
 def _read(asked: Asked, means: Means) -> Collection:
     """Return the pictures of the first object of a file, with what is known of their views."""
-    viewing = means.fitter.viewing
+    viewing = means.viewing
     given = given_view(asked.view, viewing.projection.latents) if asked.view else {}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"picture{Path(asked.name).suffix.lower()}"

@@ -44,6 +44,7 @@ def show_grid(state: State, request: Request) -> Answer:
             "pages": PICKS // SHOWN,
             "sliders": DIRECTIONS,
             "formats": sorted(run.domain.exporters),
+            "format": run.domain.written,
             "samples": [{"pick": page * SHOWN + k, "picture": uri} for k, uri in enumerate(seen)],
         }
 

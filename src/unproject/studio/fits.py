@@ -101,7 +101,7 @@ def _shown(one: Explanation, fit: Fit) -> dict[str, Any]:
 def _seen(one: Explanation, y: Tensor | None) -> str | None:
     if y is None or one.means is None:
         return None
-    shown = as_seen(one.means.fitter.viewing.projection, y)
+    shown = as_seen(one.means.viewing.projection, y)
     return picture_of(export.picture_sheet(shown, columns=min(len(shown), 4), cell=SEEN), "a picture", 2 * SEEN).uri
 
 

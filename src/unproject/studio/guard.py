@@ -33,10 +33,12 @@ class Guard:
     Attributes:
         hosts: the names that Host may be; None for any, as for a server that listens everywhere.
         token: what the cookie must hold; None on the loopback.
+        cookie: its name; that of each port, since browsers send cookies to all ports of a host.
     """
 
     hosts: frozenset[str] | None
     token: str | None = None
+    cookie: str = COOKIE
 
     @classmethod
     def of(cls, host: str, port: int, token: str | None) -> Guard:
@@ -44,7 +46,7 @@ class Guard:
         names = {host.lower(), *LOOPBACK}
         known = {authority(name, port) for name in names}
         known |= {authority(name, port).removesuffix(":80") for name in names if port == 80}  # as browsers write it
-        return cls(None if host in EVERYWHERE else frozenset(known), token)
+        return cls(None if host in EVERYWHERE else frozenset(known), token, f"{COOKIE}-{port}")
 
     def refusal(self, headers: Mapping[str, str]) -> str | None:
         """Return why a request with these headers is refused; None if it may be answered."""
@@ -55,7 +57,7 @@ class Guard:
             return "asked by a page of another site"
         if headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
             return "asked by a page of another site"
-        if self.token is not None and not self.knows(_cookie(headers)):
+        if self.token is not None and not self.knows(_cookie(headers, self.cookie)):
             return "the token is missing; open the address that `unproject studio` printed"
         return None
 
@@ -64,9 +66,9 @@ class Guard:
         return self.token is not None and hmac.compare_digest(token.encode(), self.token.encode())
 
 
-def _cookie(headers: Mapping[str, str]) -> str:
+def _cookie(headers: Mapping[str, str], name: str) -> str:
     try:
-        found = SimpleCookie(headers.get("Cookie", "")).get(COOKIE)
+        found = SimpleCookie(headers.get("Cookie", "")).get(name)
     except CookieError:
         return ""
     return found.value if found else ""

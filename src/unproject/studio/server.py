@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import secrets
+import socket
 import sys
 import traceback
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -14,7 +16,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from .._types import UserError
 from .answers import POLICY, Answer, Busy, Missing, Request, of_json
-from .guard import COOKIE, LOOPBACK, Guard, authority
+from .guard import EVERYWHERE, LOOPBACK, Guard, authority
 from .routes import ROUTES
 from .state import State
 
@@ -55,8 +57,6 @@ class Studio(ThreadingHTTPServer):
     ) -> None:
         self.state = State(Path(folder), trust)
         if ":" in host:
-            import socket
-
             self.address_family = socket.AF_INET6
         try:
             super().__init__((host, port), Handler)
@@ -101,7 +101,7 @@ class Handler(BaseHTTPRequestHandler):
             return
         query = dict(parse_qsl(address.query, keep_blank_values=True))
         if method == "GET" and address.path == "/" and self.server.guard.knows(query.get("token", "")):
-            cookie = f"{COOKIE}={query['token']}; HttpOnly; SameSite=Strict; Path=/"
+            cookie = f"{self.server.guard.cookie}={query['token']}; HttpOnly; SameSite=Strict; Path=/"
             self._send(Answer(b"", "text/plain", 303, {"Location": "/", "Set-Cookie": cookie}))
             return
         refused = self.server.guard.refusal(self.headers)  # pyright: ignore[reportArgumentType]
@@ -112,7 +112,7 @@ class Handler(BaseHTTPRequestHandler):
         body = self._body() if method == "POST" else b""
         if body is None:
             self.close_connection = True
-            self._send(of_json({"error": f"send at most {LARGEST // 1_000_000} MB, and say how many bytes"}, 413))
+            self._send(of_json({"error": f"larger than {LARGEST // 1_000_000} MB, or of a size that is not told"}, 413))
             return
         request = Request(query, body, self.headers.get("If-None-Match"))
         self._send(respond(self.server.state, method, address.path, request))
@@ -171,7 +171,11 @@ def serve(folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 8600
     with Studio(folder, host, port, trust) as studio:
         respond(studio.state, "GET", "/api/runs", Request({}))  # reads all logs once, so that the page is there at once
         print(f"studio: {studio.address}  (Ctrl-C ends it)", flush=True)
+        if host in EVERYWHERE:
+            print(f"from other machines, as this one's name: {studio.address.replace(host, socket.gethostname())}")
         try:
             studio.serve_forever()
         except KeyboardInterrupt:
-            print()
+            print(flush=True)
+            if studio.state.computes:  # Python would end around a thread within torch, which aborts
+                os._exit(0)

@@ -42,6 +42,11 @@ class State:
         self._lock = threading.Lock()
         self.writing = threading.Lock()
 
+    @property
+    def computes(self) -> bool:
+        """Whether a thread computes at this moment."""
+        return self.worker.busy or self.jobs.busy
+
     def compute(self, call: Callable[[], T]) -> T:
         """Return what a call returns, made in the thread that computes.
 

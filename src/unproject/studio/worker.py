@@ -19,12 +19,16 @@ class Worker:
     Args:
         waiting: calls that may wait.
 
+    Attributes:
+        busy: whether one is being made.
+
     Examples:
         >>> Worker(waiting=2).submit(lambda: 1 + 1).result()
         2
     """
 
     def __init__(self, waiting: int) -> None:
+        self.busy = False
         self._calls: queue.Queue[tuple[Callable[[], object], Future[object]]] = queue.Queue(waiting)
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -46,7 +50,9 @@ class Worker:
             call, future = self._calls.get()
             if not future.set_running_or_notify_cancel():
                 continue
+            self.busy = True
             try:
                 future.set_result(call())
             except BaseException as error:  # whoever waits for the result has it
                 future.set_exception(error)
+            self.busy = False

@@ -47,6 +47,12 @@ def checkpoint_of(folder: Path, step: int) -> Path:
     return folder / f"step-{step:09d}.safetensors"
 
 
+def has_weights_alone(folder: Path) -> bool:
+    """Whether the newest checkpoint is that of a shared run, from which training cannot go on."""
+    stored = list_checkpoints(folder)
+    return bool(stored) and not load(stored[-1], "counters/step")
+
+
 def step_of(path: Path) -> int:
     """The step of a checkpoint, by its name."""
     return int(path.stem.removeprefix("step-"))

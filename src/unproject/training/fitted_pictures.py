@@ -55,7 +55,8 @@ def object_of(name: str) -> str:
 def view_of(fit: Fit, explanation: int, picture: int, digits: int = 1) -> dict[str, float]:
     """Return from where an explanation says that a picture was taken: its latents, angles in degrees."""
     found = {name: value[explanation, picture].item() for name, value in fit.theta.items() if name not in NO_VIEWS}
-    return {name: round(v if name in NO_ANGLES else math.degrees(v), digits) for name, v in found.items()}
+    turns = {name: v % math.tau if name == "azimuth" else v for name, v in found.items()}
+    return {name: round(v if name in NO_ANGLES else math.degrees(v), digits) for name, v in turns.items()}
 
 
 def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:

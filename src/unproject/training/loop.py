@@ -134,8 +134,7 @@ def resume(
     """
     _check_log(log)
     path = Path(path)
-    stored = checkpoint.list_checkpoints(path / "checkpoints")
-    if stored and not checkpoint.load(stored[-1], "counters/step"):
+    if checkpoint.has_weights_alone(path / "checkpoints"):
         raise UserError(f"{path}: has weights alone, as of a shared run; begin a new run with train --from {path}")
     if recipe is None:
         recipe = rebuild(run_directory.read_origin(path), trust, steps=steps, minutes=minutes)

@@ -53,7 +53,7 @@ export async function answerTo(path, query, options) {
     }
     if (answer.ok) return answer;
     const { error } = await answer.json();
-    if (answer.status !== 503 || (options && options.method) || !left) throw new Error(error || answer.statusText);
+    if (answer.status !== 503 || (options && options.method) || !left) throw Object.assign(new Error(error || answer.statusText), { status: answer.status });
     await new Promise((done) => setTimeout(done, 500));
   }
 }
@@ -152,9 +152,15 @@ function press(key) {
   if (button) button.click();
 }
 
-addEventListener("hashchange", open);
+addEventListener("hashchange", () => { open(); document.getElementById("panel").focus({ preventScroll: true }); });
+// A file that no panel takes would be opened by the browser in place of the studio.
+for (const kind of ["dragover", "drop"]) addEventListener(kind, (event) => {
+  if (event.defaultPrevented || !event.dataTransfer || !event.dataTransfer.types.includes("Files")) return;
+  event.preventDefault();
+  if (kind === "drop") say(new Error("This panel takes no file: drop a picture on Fit, a light on Materials."));
+});
 addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input:not([type=range], [type=checkbox]), select, textarea")) return;
   if (event.key === "?") { keys.open ? keys.close() : keys.showModal(); return; }
   if (keys.open) return;
   const panel = Object.keys(PANELS)[Number(event.key) - 1];

@@ -4,7 +4,7 @@ import { address, ask, go, here, link, make, repeatedly, say } from "/assets/app
 const EVERY = 3; // seconds
 
 export function title(run, more) {
-  return make("div.bar.title", make("h1", run), make("span", make("a", { href: `#/runs?run=${encodeURIComponent(run)}` }, "about this run"), more));
+  return make("div.bar.title", make("h1", run === "." ? "This run" : run), make("span", make("a", { href: `#/runs?run=${encodeURIComponent(run)}` }, "about this run"), more));
 }
 
 // What a run that is not finished has to say of itself.

@@ -38,8 +38,8 @@ function explore(root, query) {
   let closed = false;
   draw(null).then(() => closed ? null : fillGrid(grid, query, place, changed)).then((found) => {
     if (closed) return;
-    const bar = exportBar(found.formats, "glb", "/api/export", asked);
-    bar.append(pictureButton(() => stage.querySelector("canvas"), () => `${query.run}-${String(place.pick).padStart(2, "0")}-view`));
+    const bar = exportBar(found.formats, found.format, "/api/export", asked);
+    bar.append(pictureButton(() => stage.querySelector("canvas, img"), () => `${query.run}-${String(place.pick).padStart(2, "0")}-view`));
     controls.append(make("h2", "Export"), bar);
   }).catch(say);
   return () => { closed = true; newer.stop(); view.close(); };

@@ -44,12 +44,14 @@ export function exportBar(formats, first, path, asked) {
   return make("div.bar.export", select, button);
 }
 
-// What a canvas shows, as a picture.
-export function pictureButton(canvas, name) {
+// What a canvas or an image shows, as a picture.
+export function pictureButton(shown, name) {
   const button = make("button", { type: "button" }, "This view as a picture");
   button.onclick = () => {
-    const seen = canvas();
-    if (seen) seen.toBlob((blob) => store(blob, `${name().replace(/[^\w.-]+/g, "-")}.png`));
+    const seen = shown(), file = name().replace(/[^\w.-]+/g, "-").replace(/^[.-]+/, "");
+    if (!seen) return;
+    if (seen.tagName === "IMG") make("a", { href: seen.src, download: `${file}.${/^data:image\/(\w+)/.exec(seen.src)[1]}` }).click();
+    else seen.toBlob((blob) => store(blob, `${file}.png`));
   };
   return button;
 }

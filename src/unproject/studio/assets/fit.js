@@ -15,7 +15,7 @@ const EVERY = 400; // milliseconds between looks
 export const fitPanel = (root, query) => withRun(root, query, "fit", ["volumes", "images", "maps"], fits);
 
 function fits(root, query) {
-  let closed = false, shown = null, chosen = 0, facing = query.azimuth === undefined; // until a hand turns the shape
+  let closed = false, failed = false, shown = null, chosen = 0, facing = query.azimuth === undefined; // until a hand turns the shape
   const file = make("input", { type: "file", "aria-label": "picture" }), wanted = make("span");
   const zone = make("label.zone", file, make("strong", "Drop a picture here"), make("span", "or choose a file: ", wanted));
   const observation = make("select", { "aria-label": "kind of picture" }), which = make("label.field", make("span", "kind of picture"), observation);
@@ -80,6 +80,8 @@ function fits(root, query) {
     try {
       const now = await ask("/api/fit", { fit });
       if (closed || fit !== shown) return;
+      if (failed) say(null); // the studio answers again
+      failed = false;
       watch.hidden = false;
       tell(now);
       // On its way it may be at a shape of which nothing is to be seen: that ends nothing.
@@ -87,7 +89,11 @@ function fits(root, query) {
       if (now.explanations && (moves < 0 || now.moves !== moves)) show(now, fit);
       else if (now.picture && now.projection && now.moves !== moves) seen("On its way", picture("given", now.picture), picture("so far", now.projection));
       if (!now.ended) setTimeout(() => follow(fit, now.moves), EVERY);
-    } catch (error) { say(error); }
+    } catch (error) {
+      say(error);
+      failed = !error.status && error.name !== "AbortError"; // no answer at all, as after a laptop's sleep
+      if (failed) setTimeout(() => follow(fit, moves), 5 * EVERY);
+    }
   }
   function tell(now) {
     const waits = { done: `Done in ${now.seconds} s.`, stopped: "Stopped.", failed: "It could not be done." };

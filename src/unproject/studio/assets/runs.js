@@ -26,7 +26,7 @@ export function badge(run) {
 function showList(root) {
   const heading = make("h1", "Runs"), compare = make("button", { type: "button", disabled: true }, "Compare two");
   const list = make("div.cards"), chosen = new Set();
-  let before = "";
+  let before = "", drawn = [];
   root.append(make("div.bar.title", heading, compare), list);
   compare.onclick = () => { const [run, other] = chosen; go("runs", { run, other }); };
 
@@ -52,7 +52,10 @@ function showList(root) {
     if (now === before) return; // leaves the focus and the scroll where they are
     before = now;
     heading.textContent = `${found.runs.length} ${found.runs.length === 1 ? "run" : "runs"} in ${found.folder}`;
-    list.replaceChildren(...found.runs.map(card));
+    const same = drawn.length === found.runs.length && drawn.every((run, k) => run.name === found.runs[k].name);
+    if (!same) list.replaceChildren(...found.runs.map(card));
+    else found.runs.forEach((run, k) => { if (JSON.stringify(run) !== JSON.stringify(drawn[k])) list.children[k].replaceWith(card(run)); });
+    drawn = found.runs;
     if (!found.runs.length) list.append(make("p", `There is no run in ${found.folder} yet. unproject train shapes --data my_masks/ --out ${found.folder}/mine makes one.`));
   });
 }
@@ -77,7 +80,7 @@ function showRun(column, name, key, query) {
   const samples = make("section", make("h2", "Samples over time"), image, make("div.bar", slider, label));
   const report = downloadButton("Download its report", "/api/report.html", () => ({ run: name }));
   const parts = make("div");
-  let before = "", steps = [], follow = !query[key];
+  let before = "", steps = [], drawn = [], follow = !query[key];
   column.append(title, facts, make("div.bar.actions", links, report), remark, samples, parts);
   const draw = () => {
     const step = steps[Number(slider.value)];
@@ -107,8 +110,14 @@ function showRun(column, name, key, query) {
     slider.value = at < 0 ? steps.length - 1 : at;
     draw();
     const { verdict, curves, views, commands, environment } = run.sections;
-    parts.replaceChildren(...[verdict, curves, views, commands, environment].map(markup));
-    parts.querySelectorAll("button.copy").forEach(copies);
+    const sections = [verdict, curves, views, commands, environment];
+    sections.forEach((text, k) => { // what has not changed keeps its focus and what is marked in it
+      if (text === drawn[k]) return;
+      const section = markup(text);
+      section.querySelectorAll("button.copy").forEach(copies);
+      if (parts.children[k]) parts.children[k].replaceWith(section); else parts.append(section);
+    });
+    drawn = sections;
   });
 }
 
