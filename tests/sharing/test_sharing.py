@@ -14,6 +14,8 @@ import torch
 
 import unproject as up
 from unproject.cli import main
+from unproject.report.contents import read_contents
+from unproject.report.sections import commands_section
 from unproject.sharing import example_path, hub, put_example, save_pretrained
 from unproject.sharing.shared import small
 from unproject.training import checkpoint
@@ -239,3 +241,9 @@ def test_a_card_has_the_folders_name_and_its_run_is_not_resumed(
     assert "\n# my-chairs\n" in (tmp_path / "my-chairs" / "README.md").read_text()
     assert main(["resume", str(tmp_path / "my-chairs"), "--steps", "9"]) == 2
     assert "weights alone, as of a shared run; begin a new run with train --from" in capsys.readouterr().err
+
+
+def test_the_page_of_a_shared_run_offers_a_command_that_works(tmp_path: Path) -> None:
+    """It has weights alone, from which `resume` cannot go on."""
+    page = commands_section(read_contents(put_example("chairs", tmp_path / "runs")))
+    assert "unproject resume" not in page and "unproject train shapes --from" in page
