@@ -95,7 +95,7 @@ class Recipe:
         generator: builds the generator; `functools.partial(LowRankGenerator, size=32)`.
         panels: observations and their data, a discriminator each. The `Identity` projection is direct training.
         domain: what the generator makes (default: the domain that the generator's class names).
-        discriminator: (shape of one image, number of heads) → discriminator, which is called with images y (B, *shape)
+        discriminator: (shape of one image, number of heads) → discriminator, which is called with images y (B, ...)
             and the head of each, (B,) integers, and returns logits (B,).
         loss: the adversarial loss.
         penalty: the gradient penalty of the discriminators (None: no penalty).
