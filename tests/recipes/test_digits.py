@@ -181,6 +181,7 @@ def test_anchors_are_a_panel_of_known_directions_in_the_same_unit(tmp_path: Path
     assert len(known) == 60 and len(unlabelled) == 200 and known.shape == unlabelled.shape == (1, 33)
     largest = [max(part.items.max().item() for part in panel.collections) for panel in recipe.panels]
     assert largest[0] == pytest.approx(largest[1], rel=0.02) and known.penalty_scale > 1
+    assert known.weight < unlabelled.weight / 5  # few lines must not pull all images to what they are of
     for observation, collection in zip(known.observations, known.collections, strict=True):
         assert observation.prior.contains(collection.latents).all()
     images, of_images = digits(views="predicted", size=32, anchors=measured(tmp_path, 0.5), spread=9.0, steps=1).panels

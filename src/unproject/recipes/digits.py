@@ -32,8 +32,9 @@ from .sizes import SMALL, images_sized_by_data
 
 DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
-ANCHOR_PENALTY = 10.0
-"""Factor of the gradient penalty of anchors."""
+ANCHOR_PENALTY, ANCHOR_WEIGHT = 10.0, 0.1
+"""Factor of the gradient penalty of anchors, and their weight beside the other lines: with 1 they pull all images to the
+few that they are of."""
 GAMMA_OF_LINES, GAMMA_OF_IMAGES = 0.3, 0.1
 """Weights of R1 and R2: with 0.02 lines give smears, with 1 many lines of known direction give images farther off."""
 WIDTHS = {"known": 256}
@@ -257,7 +258,7 @@ def anchor_panel(anchors: Path, source: Source, views: Views, scan: Scan) -> Pan
     if found.shape[1] != source.line_integral.bins:
         raise UserError(f"{anchors}: has lines of {found.shape[1]} detectors, not {source.line_integral.bins}")
     panel = panel_of("known", directions(scan.bins, spread_of(scan, source), source.line_integral), found)
-    return replace(panel, penalty_scale=ANCHOR_PENALTY)
+    return replace(panel, penalty_scale=ANCHOR_PENALTY, weight=ANCHOR_WEIGHT)
 
 
 def spread_of(scan: Scan, source: Source) -> float:
