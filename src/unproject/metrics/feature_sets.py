@@ -82,6 +82,19 @@ def cubic_kernel(x: Tensor, y: Tensor) -> Tensor:
 def precision_recall(generated: Tensor, reference: Tensor, k: int = 3) -> tuple[float, float]:
     """Return (precision, recall) by balls to the k-th neighbour. Both depend on the sizes: give sets of equal size.
 
+    With ρ_k(x) the distance of x to the k-th nearest other item of its own set, precision is the share of generated g
+    with |g - r| ≤ ρ_k(r) for some reference r, and recall that of references r with |g - r| ≤ ρ_k(g) for some g.
+
+    Args:
+        generated, reference: features (N, F) and (M, F).
+        k: neighbours.
+
+    Raises:
+        UserError: for sets of at most k items, or of different features.
+
+    References:
+        Kynkäänniemi et al. 2019, Improved Precision and Recall Metric for Assessing Generative Models.
+
     Examples:
         >>> import torch, unproject as up
         >>> x = torch.arange(8.0)[:, None]
@@ -97,6 +110,19 @@ def precision_recall(generated: Tensor, reference: Tensor, k: int = 3) -> tuple[
 
 def density_coverage(generated: Tensor, reference: Tensor, k: int = 5) -> tuple[float, float]:
     """Return (density, coverage) by balls to the k-th neighbour around the references.
+
+    With ρ_k(r) the distance of a reference to the k-th nearest other one, density is the number of pairs with
+    |g - r| ≤ ρ_k(r) over k N, and coverage the share of references that are in such a pair.
+
+    Args:
+        generated, reference: features (N, F) and (M, F).
+        k: neighbours.
+
+    Raises:
+        UserError: for sets of at most k items, or of different features.
+
+    References:
+        Naeem et al. 2020, Reliable Fidelity and Diversity Metrics for Generative Models.
 
     Examples:
         >>> import torch, unproject as up
