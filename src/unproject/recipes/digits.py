@@ -33,8 +33,8 @@ from .sizes import SMALL, images_sized_by_data
 DIGITS_SPREAD = 2.5
 """Degrees, the paper's."""
 ANCHOR_PENALTY, ANCHOR_WEIGHT = 10.0, 0.1
-"""Factor of the gradient penalty of anchors, and their weight beside other lines: with 1 they pull all images to the few
-that they are of."""
+"""Factor of the gradient penalty of anchors, and their weight beside other lines: with 1 they pull all images to those
+few that they are of."""
 GAMMA_OF_LINES, GAMMA_OF_IMAGES = 0.3, 0.1
 """Weights of R1 and R2: with 0.02 lines give smears, with 1 many lines of known direction give images farther off."""
 WIDTHS = {"known": 256}
