@@ -346,7 +346,7 @@ def test_a_recipe_from_outside_needs_trust(
 def test_a_generator_from_outside_needs_trust(tmp_path: Path, refused: Callable[..., str]) -> None:
     run, samples = tmp_path / "run", tmp_path / "x.npz"
     assert main(["train", f"{TOY}:own", "--out", str(run), "--quiet"]) == 0
-    assert "--trust if you wrote it" in refused("sample", run, "--out", samples)
+    assert "--trust (trust=True) if you wrote it" in refused("sample", run, "--out", samples)
     assert main(["sample", str(run), "--out", str(samples), "--n", "2", "--trust"]) == 0
     assert np.load(samples)["volume"].shape == (2, 16, 16, 16)
 

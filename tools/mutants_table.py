@@ -4597,7 +4597,7 @@ FINDINGS = (
         "        own_random_state(distribution.device),\n", "",
         "training/test_parts.py::test_layers_that_draw_repeat_and_resume"),
     mutant("parts: a tensor is given as its description", "training/building.py",
-        'if "sha256" in value:', "if False:",
+        'isinstance(part, Mapping) and "sha256" in part:', "False:",
         "training/test_parts.py::test_arguments_that_recipe_json_cannot_hold_are_refused_or_imported"),
     mutant("parts: a recipe with another generator opens a run", "training/run.py",
         "        check_same(path, recipe)\n", "",

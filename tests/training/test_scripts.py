@@ -60,7 +60,7 @@ def test_a_run_of_a_script_is_opened_by_its_folder(tmp_path: Path, monkeypatch: 
 def test_a_generator_that_nothing_can_import_is_named(tmp_path: Path) -> None:
     recipe = toy(steps=1, views="direct")
     run = train(recipe.replace(generator=lambda: recipe.generator()), tmp_path / "run", quiet=True)
-    with pytest.raises(UserError, match=r"its generator is a lambda .*; train with the class itself, or functools"):
+    with pytest.raises(UserError, match=r"its generator is a lambda .*; open it by its recipe"):
         load(run.path, trust=True)
     content = (run.path / "recipe.json").read_text()
     (run.path / "recipe.json").write_text(content.replace("<locals>.<lambda>", "x").replace("test_scripts:", "gone:"))

@@ -38,28 +38,36 @@ def _imported(module: str, attribute: str) -> Any:
     return found
 
 
-def _argument(path: Path, name: str, value: Any, trust: bool) -> Any:
-    """Return an argument that recipe.json describes: classes and functions are imported, with `trust`.
+class _DigestError(UserError):
+    """An argument of which recipe.json holds the digest alone."""
 
-    Raises:
-        UserError: for tensors, arrays and collections, of which recipe.json holds the digest alone.
-    """
+
+def _check_arguments(path: Path, name: str, arguments: Mapping[str, Any]) -> None:
+    """Raise UserError for tensors, arrays and collections, of which recipe.json holds the digest alone."""
+    for key, value in arguments.items():
+        for part in value if isinstance(value, list) else [value]:
+            if isinstance(part, Mapping) and "sha256" in part:
+                (kind,) = {"tensor", "array", "collection"} & part.keys() or {"tensor"}
+                raise _DigestError(
+                    f"{path}: argument {key!r} of its {name} is of the type {kind}, of which recipe.json holds the "
+                    f"digest alone; {BY_RECIPE}, or make it a buffer that the checkpoint restores"
+                )
+            if isinstance(part, Mapping):
+                _check_arguments(path, name, part)
+
+
+def _argument(value: Any, trust: bool) -> Any:
+    """Return an argument that recipe.json describes: classes and functions are imported, with `trust`."""
     if isinstance(value, list):
-        return [_argument(path, name, part, trust) for part in value]
+        return [_argument(part, trust) for part in value]
     if not isinstance(value, Mapping):
         return value
-    if "sha256" in value:
-        (kind,) = {"tensor", "array", "collection"} & value.keys() or {"tensor"}
-        raise UserError(
-            f"{path}: argument {name!r} of its generator is of the type {kind}, of which recipe.json holds the digest "
-            f"alone; {BY_RECIPE}, or make it a buffer that the checkpoint restores"
-        )
     if trust and "call" in value:
         found = _imported(*str(value["call"]).split(":"))
-        given = {key: _argument(path, key, part, trust) for key, part in value["arguments"].items()}
-        more = [_argument(path, name, part, trust) for part in value["positional"]]
+        given = {key: _argument(part, trust) for key, part in value["arguments"].items()}
+        more = [_argument(part, trust) for part in value["positional"]]
         return partial(found, *more, **given) if more or given else found
-    return {key: _argument(path, key, part, trust) for key, part in value.items()}
+    return {key: _argument(part, trust) for key, part in value.items()}
 
 
 def build_domain(path: Path, described: Any, trust: bool) -> Domain:
@@ -88,11 +96,12 @@ def build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
             "or train with the class itself, or functools.partial of it"
         )
     try:
+        _check_arguments(path, name, {**arguments, **{str(i): value for i, value in enumerate(positional)}})
         build = _imported(module, attribute)
         if trust or (isinstance(build, type) and issubclass(build, kind)):
-            given = {key: _argument(path, key, value, trust) for key, value in arguments.items()}
-            return build(*(_argument(path, str(i), value, trust) for i, value in enumerate(positional)), **given)
-    except UserError:
+            given = {key: _argument(value, trust) for key, value in arguments.items()}
+            return build(*(_argument(value, trust) for value in positional), **given)
+    except _DigestError:
         raise
     except ModuleNotFoundError as error:
         raise UserError(
