@@ -2295,6 +2295,13 @@ TRAINING = (
         "sharing/test_sharing.py",
     ),
     mutant(
+        "studio: a run counts as training after its process has ended",
+        "studio/runs.py",
+        "if locked is None else locked",
+        "if not locked else locked",
+        "studio/test_server.py::test_a_run_counts_as_training_while_a_process_holds_it",
+    ),
+    mutant(
         "studio: a run that was made again shows its old weights",
         "studio/state.py",
         "self._kept[key][0] != stored",

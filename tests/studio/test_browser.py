@@ -28,6 +28,7 @@ from unproject.projections import Identity
 from unproject.projections.observation import Observation
 from unproject.studio import Studio, explaining
 from unproject.training import Recipe, checkpoint, train
+from unproject.training.run_directory import locked
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
@@ -147,11 +148,12 @@ def test_runs_are_listed_and_two_are_shown_side_by_side(tab: Tab) -> None:
 def test_a_run_that_is_being_written_is_followed(tab: Tab, folder: Path) -> None:
     run = folder / "live"
     tab.go("runs?run=live")
-    with (run / "stats.jsonl").open("a") as log:
-        log.write(json.dumps({"step": 61, "seconds": 9.0, "loss_g": 0.5, "loss_d": 0.5}) + "\n")
-    tab.until("training")
-    Image.new("RGB", (64, 64), "red").save(run / "samples" / "step-000000777.png")
-    tab.until("step 777")
+    with locked(run):
+        with (run / "stats.jsonl").open("a") as log:
+            log.write(json.dumps({"step": 61, "seconds": 9.0, "loss_g": 0.5, "loss_d": 0.5}) + "\n")
+        tab.until("training")
+        Image.new("RGB", (64, 64), "red").save(run / "samples" / "step-000000777.png")
+        tab.until("step 777")
     assert tab.page.is_hidden(".remarks") and "not finished" not in tab.page.inner_text("#panel")
 
 
@@ -173,8 +175,9 @@ def test_a_panel_waits_for_the_first_weights_and_then_opens(
     tab: Tab, folder: Path, another: Callable[..., Path]
 ) -> None:
     new = another("new", "checkpoints", "verdict.json", "samples")
-    tab.go("explore?run=new")
-    tab.until("It is training, and has made")
+    with locked(new):
+        tab.go("explore?run=new")
+        tab.until("It is training, and has made")
     assert tab.page.is_hidden("#trouble")
     shutil.copytree(folder / "chairs" / "checkpoints", new / "checkpoints")
     tab.drawn()
@@ -442,3 +445,11 @@ def test_nothing_is_wider_than_the_screen(tab: Tab, place: str, width: int) -> N
     tab.page.wait_for_selector("#panel section, #panel article")
     tab.page.wait_for_load_state("networkidle")
     assert tab.page.evaluate("() => document.documentElement.scrollWidth") <= width
+
+
+def test_on_a_telephone_sliders_are_below_the_sample_before_the_others(tab: Tab) -> None:
+    tab.page.set_viewport_size({"width": 390, "height": 720})
+    tab.go("explore?run=chairs")
+    tab.drawn()
+    tops = [tab.page.locator(name).first.bounding_box()["y"] for name in (".stage", ".controls", ".picks")]
+    assert tops == sorted(tops)

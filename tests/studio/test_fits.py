@@ -22,7 +22,7 @@ from unproject.data import wood
 from unproject.domains import Maps
 from unproject.studio import explaining
 from unproject.studio.answers import Request
-from unproject.studio.downloads import exported
+from unproject.studio.downloads import attachment, exported
 from unproject.studio.explore import space_of
 from unproject.studio.server import respond
 from unproject.studio.state import JOBS, State
@@ -247,3 +247,10 @@ def test_a_run_of_a_newer_version_says_so(shapes: State, said: Said, tmp_path: P
     says = "written by a newer version of unproject (unproject-9"
     assert says in said(state, "/api/runs")[1]["runs"][0]["said"]
     assert says in said(state, "/api/sample", run="newer")[1]["error"]
+
+
+def test_a_download_keeps_names_of_any_script() -> None:
+    told = attachment(b"", "椅子 a.glb").headers["Content-Disposition"]
+    assert told == "attachment; filename=\"__-a.glb\"; filename*=UTF-8''%E6%A4%85%E5%AD%90-a.glb"
+    told = attachment(b"", 'x"\r\nSet-Cookie: a.glb').headers["Content-Disposition"]
+    assert told == 'attachment; filename="x-Set-Cookie-a.glb"'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import shutil
 import socket
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from unproject.studio.guard import Guard
 from unproject.studio.server import LARGEST
 from unproject.studio.state import State
 from unproject.studio.worker import Worker
+from unproject.training import run_directory
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
@@ -61,6 +63,24 @@ def test_a_run_is_shown_with_the_sections_of_its_report(runs: Path, said: Said) 
     _, run = said(State(runs), "/api/run", run="toy")
     assert "unproject resume" in run["sections"]["commands"]
     assert run["training"] is False
+
+
+def test_a_run_counts_as_training_while_a_process_holds_it(
+    runs: Path, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = Path(shutil.copytree(runs, tmp_path / "runs"))
+    (folder / "toy" / "verdict.json").unlink(missing_ok=True)
+    recipe = folder / "toy" / "recipe.json"
+    recipe.write_text(recipe.read_text().replace('"steps": 2', '"steps": 5'))
+    state = State(folder)
+    with run_directory.locked(folder / "toy"):
+        assert said(state, "/api/runs")[1]["runs"][0]["training"] is (run_directory.fcntl is not None)
+        assert run_directory.is_locked(folder / "toy") in (True, None)
+    with run_directory.locked(folder / "toy"):  # looking did not keep it
+        pass
+    assert said(state, "/api/run", run="toy")[1]["training"] is (run_directory.fcntl is None)
+    monkeypatch.setattr(run_directory, "fcntl", None)  # without locks, a log that grew a moment ago
+    assert said(state, "/api/newest", run="toy")[1]["training"] is True
 
 
 def test_the_folder_may_be_a_run(runs: Path, said: Said) -> None:

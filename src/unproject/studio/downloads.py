@@ -7,6 +7,7 @@ import re
 import tempfile
 import zipfile
 from pathlib import Path
+from urllib.parse import quote
 
 from torch import Tensor
 
@@ -46,7 +47,10 @@ def _packed(folder: Path, name: str) -> Answer:
 
 def attachment(content: bytes, name: str) -> Answer:
     """Answer with a file that the browser stores: whatever is in it, it is never shown as a page."""
-    headers = {"Content-Disposition": f'attachment; filename="{plain(name)}"'}
+    name = plain(name)
+    latin = name.encode("ascii", "replace").decode().replace("?", "_")
+    further = "" if name.isascii() else f"; filename*=UTF-8''{quote(name)}"  # RFC 6266
+    headers = {"Content-Disposition": f'attachment; filename="{latin}"{further}'}
     return Answer(content, "application/octet-stream", headers=headers)
 
 
@@ -56,5 +60,7 @@ def plain(name: str) -> str:
     Examples:
         >>> plain('../a "chair"')
         'a-chair'
+        >>> plain("椅子 1")
+        '椅子-1'
     """
-    return re.sub(r"[^\w.-]+", "-", name, flags=re.ASCII).strip("-.") or "sample"
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "sample"

@@ -16,12 +16,13 @@ from ..report import write_report
 from ..report.contents import Contents, number, read_contents
 from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
 from ..training.checkpoint import why_unreadable
+from ..training.run_directory import is_locked
 from .answers import Answer, Missing, Request, of_json, tagged
 from .downloads import attachment
 from .state import State
 
 STILL = 120.0
-"""Seconds without a line in the log after which a run counts as stopped."""
+"""Seconds without a line in the log after which a run counts as stopped, where locks do not tell."""
 THUMBNAIL = 240
 WEBP = "image/webp"
 
@@ -30,14 +31,17 @@ def list_runs(state: State, request: Request) -> Answer:
     """Answer with all runs, the newest first: name, recipe, budget, verdict, picture, or what is wrong."""
     found = [{**_summary(state, name), "training": False} for name in state.folder.names()]
     for run in found:
-        run["training"] = _trains(run)
+        run["training"] = _trains(state, run)
     found.sort(key=lambda run: -run["changed"])
     return tagged(of_json({"folder": str(state.folder.given), "runs": found}), request)
 
 
-def _trains(summary: dict[str, Any]) -> bool:
-    """Whether a run is being written: its budget is not spent, and its log grew a moment ago."""
-    return not summary.get("complete", True) and time.time() - summary["changed"] < STILL
+def _trains(state: State, summary: dict[str, Any]) -> bool:
+    """Whether a run is being written: its budget is not spent, and a process holds its lock."""
+    if summary.get("complete", True):
+        return False
+    locked = is_locked(state.folder.run(summary["name"]))
+    return time.time() - summary["changed"] < STILL if locked is None else locked
 
 
 def _summary(state: State, name: str) -> dict[str, Any]:
@@ -96,7 +100,7 @@ def show_run(state: State, request: Request) -> Answer:
     path = state.folder.run(name)
     summary = _summary(state, name)
     contents = read_contents(path)
-    training = _trains(summary)
+    training = _trains(state, summary)
     sections = {
         "verdict": verdict_section(contents, training),
         "curves": curves_section(contents),
@@ -114,7 +118,7 @@ def newest(state: State, request: Request) -> Answer:
     if "kind" not in summary:  # it cannot be read
         raise UserError(summary["said"])
     told = {name: summary[name] for name in ("kind", "step", "trained", "first", "unfinished")}
-    return of_json({**told, "training": _trains(summary)})
+    return of_json({**told, "training": _trains(state, summary)})
 
 
 def picture(state: State, request: Request) -> Answer:

@@ -18,6 +18,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -42,6 +43,8 @@ from .recipe import Origin, Recipe
 VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
 LISTED = 5
+LOOKED_AT = (0.01, 0.1, 0.5, 0.0)
+"""Seconds to wait for a lock: `is_locked` holds it for a moment."""
 RESTORE = "restore it from a copy, or train again"
 ENVIRONMENT, REPORT = "environment.json", "report.html"
 WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FOLDER, "checkpoints")
@@ -132,16 +135,38 @@ def locked(path: Path, leads: bool = True) -> Iterator[None]:
         return
     folder = os.open(path, os.O_RDONLY)  # the folder itself: it is there before anything is written into it
     try:
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(folder)
-        raise UserError(f"{path}: another process is training this run; wait for it, or stop it") from None
-    except OSError:
-        pass
-    try:
+        for wait in LOOKED_AT:
+            if _taken(folder) is not False:
+                break
+            time.sleep(wait)
+        else:
+            raise UserError(f"{path}: another process is training this run; wait for it, or stop it")
         yield
     finally:
         os.close(folder)
+
+
+def is_locked(path: Path) -> bool | None:
+    """Return whether a process trains this run now; None where the system or the disk has no locks."""
+    if fcntl is None:
+        return None
+    folder = os.open(path, os.O_RDONLY)
+    try:
+        taken = _taken(folder)
+        return None if taken is None else not taken
+    finally:
+        os.close(folder)
+
+
+def _taken(folder: int) -> bool | None:
+    """Take the lock of an open folder; return whether it was free, or None if there are no locks."""
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
 
 
 def remove_temporaries(path: Path) -> None:

@@ -17,8 +17,9 @@ export function store(blob, name) {
 // Fetches a file and stores it; what goes wrong is said on the page, not stored.
 export async function download(path, query) {
   const answer = await answerTo(path, query, { signal: null }); // it goes on when the panel is left
-  const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") || "");
-  store(await answer.blob(), name ? name[1] : "file");
+  const told = answer.headers.get("Content-Disposition") || "";
+  const name = /filename\*=UTF-8''(.+)$/.exec(told) || /filename="([^"]+)"/.exec(told);
+  store(await answer.blob(), name ? decodeURIComponent(name[1]) : "file");
 }
 
 export function downloadButton(says, path, query) {
@@ -48,7 +49,7 @@ export function exportBar(formats, first, path, asked) {
 export function pictureButton(shown, name) {
   const button = make("button", { type: "button" }, "This view as a picture");
   button.onclick = () => {
-    const seen = shown(), file = name().replace(/[^\w.-]+/g, "-").replace(/^[.-]+/, "");
+    const seen = shown(), file = name().replace(/[^\p{L}\p{N}_.-]+/gu, "-").replace(/^[.-]+/, "");
     if (!seen) return;
     if (seen.tagName === "IMG") make("a", { href: seen.src, download: `${file}.${/^data:image\/(\w+)/.exec(seen.src)[1]}` }).click();
     else seen.toBlob((blob) => store(blob, `${file}.png`));
