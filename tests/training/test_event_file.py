@@ -83,6 +83,13 @@ def test_an_event_file_holds_the_log_of_a_run_that_was_resumed_too(tmp_path: Pat
     assert len(read(run / FOLDER / NAME)) > before > 0
 
 
+def test_an_event_file_may_be_asked_for_when_a_run_is_resumed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    assert main(["train", TOY, "--views", "known", "--quiet", "--steps", "5", "--out", str(run)]) == 0
+    assert main(["resume", str(run), "--steps", "10", "--quiet", "--trust", "--log", "tensorboard"]) == 0
+    assert_as_logged(run)
+
+
 def test_without_the_flag_there_is_no_event_file(tmp_path: Path) -> None:
     assert main(["train", TOY, "--views", "known", "--quiet", "--steps", "1", "--out", str(tmp_path / "run")]) == 0
     assert not (tmp_path / "run" / FOLDER).exists()

@@ -20,6 +20,7 @@ def run(
     device: Literal["auto", "cpu", "cuda"] = "auto",
     threads: int | None = None,
     processes: int = 1,
+    log: Literal["tensorboard"] | None = None,
     trust: bool = False,
     quiet: bool = False,
 ) -> None:
@@ -32,6 +33,8 @@ def run(
         device: where to compute.
         threads: processor threads (default: all cores).
         processes: processes on this machine, as many as before or not; on several machines use torchrun.
+        log: tensorboard keeps the log as an event file of TensorBoard too, in PATH/tensorboard, from the first line on;
+            one that is there goes on without it.
         trust: import the recipe's code although it is not of this package.
         quiet: no progress bar, and no verdict on the screen.
     """
@@ -41,7 +44,7 @@ def run(
 
     use_threads(threads)
     before = _steps(path)
-    finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet)
+    finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet, log=log)
     spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""
     say(f"{path}: {finished.step} steps{spent}")
     conclude(finished, quiet)

@@ -81,8 +81,6 @@ def train(
         if distribution.leads:
             run_directory.check_free(out)  # another process may have made a run there meanwhile
             run_directory.create(out, content)
-            if log == "tensorboard":
-                (out / event_file.FOLDER).mkdir(exist_ok=True)
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())
         try:
@@ -102,7 +100,7 @@ def resume(
     device: str = "auto",
     trust: bool = False,
     quiet: bool = False,
-    log: Callable[[dict[str, Any]], object] | None = None,
+    log: Log | None = None,
 ) -> Run:
     """Continue a run from its newest checkpoint.
 
@@ -113,7 +111,8 @@ def resume(
         device: "auto", "cpu" or "cuda".
         trust: import the recipe's code although it is not of this package.
         quiet: show no progress bar.
-        log: a function that is called with each new line of stats.jsonl.
+        log: "tensorboard", or a function that is called with each new line of stats.jsonl, as of `train`; an event
+            file that is there goes on without it.
 
     Raises:
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.
@@ -162,6 +161,8 @@ def _run(
     recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool, log: Log | None = None
 ) -> Run:
     tell = log if callable(log) else None
+    if log == "tensorboard" and distribution.leads:
+        (out / event_file.FOLDER).mkdir(exist_ok=True)
     with (
         Recorder(out, state.counters.lines, distribution.leads, quiet, tell) as recorder,
         stop_request() as stop,
