@@ -173,7 +173,7 @@ def small_package(folder: Path, changed: dict[str, str] | None = None) -> Path:
     return source
 
 
-CONCRETE = ("Known", "Predicted", "LearnedPrior", "Unassigned", "Volumes", "Images", "Maps")
+CONCRETE = ("Known", "Predicted", "JointlyPredicted", "LearnedPrior", "Unassigned", "Volumes", "Images", "Maps")
 
 
 def named(path: Path) -> set[str]:

@@ -2295,6 +2295,13 @@ TRAINING = (
         "sharing/test_sharing.py",
     ),
     mutant(
+        "graphs: several projections of a step overwrite one another",
+        "training/graphs.py",
+        "if not fresh or not replayable(projection):",
+        "if not replayable(projection):",
+        "training/test_graphs.py",
+    ),
+    mutant(
         "studio: a run counts as training after its process has ended",
         "studio/runs.py",
         "if locked is None else locked",

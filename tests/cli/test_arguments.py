@@ -149,7 +149,7 @@ def test_recipe_help_shows_both(capsys: pytest.CaptureFixture[str]) -> None:
     text = " ".join(capsys.readouterr().out.split())
     assert "Edge of the volume." in text and "Where to compute." in text
     assert "--generator" not in text
-    assert "--no-smooth blur it; this turns it off." in text and "True" not in text
+    assert "--no-smooth turn off: blur it" in text and "True" not in text
     assert all(f"--{name.replace('_', '-')}" in text for name in (*Options.__annotations__, "seed"))
 
 

@@ -6,8 +6,9 @@ Whether a replay gives what the call gives is tested on a GPU (tests/gpu).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 import torch
@@ -20,6 +21,7 @@ from unproject import networks
 from unproject._random import generator_at
 from unproject.adversarial.penalties import R1R2, GradientPenalty
 from unproject.ops.band_statistics import band_statistics
+from unproject.projections.base import Identity
 from unproject.projections.rendering import Rendering, rendering_prior
 from unproject.training.graphs import Graphs, replayable
 from unproject.training.recorder import Recorder
@@ -149,6 +151,28 @@ def test_on_the_processor_all_is_called() -> None:
     graphs, module = Graphs(), DISCRIMINATORS["pictures"]()
     x, head = images(0, 1, 16, 16), heads(0)
     assert torch.equal(graphs(module, x, head), module(x, head)) and not graphs._passes
+
+
+def test_of_several_projections_of_a_step_one_is_replayed_so_that_none_overwrites_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    x, replayed = images(0, 1, 16, 16), []
+
+    @dataclass(frozen=True)
+    class Brighter(Identity):
+        replayable: ClassVar[bool] = True
+
+    def replay(self: Graphs, place: Any, function: Any, inputs: Any, module: Any = None) -> Tensor:
+        replayed.append(place)
+        return function(*inputs)
+
+    monkeypatch.setattr(Graphs, "replayed", replay)
+    graphs = Graphs()
+    for _ in range(2):
+        call = graphs.projecting(3)
+        assert all(torch.equal(call(Brighter(), x), x) for _ in range(3))
+    call(Identity(), x)
+    assert replayed == [(3, ())] * 2
 
 
 @pytest.mark.parametrize(("over", "enabled"), [(None, True), ("processes", False)])

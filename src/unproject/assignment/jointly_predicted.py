@@ -23,7 +23,7 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 import torch.nn.functional as F
@@ -69,6 +69,8 @@ class JointlyPredicted(Predicted):
         >>> sorted(panel.assignment.begin(panel, seed=0).log())
         ['view_information', 'view_information_of_data']
     """
+
+    least_batch: ClassVar[int] = 2  # the predictor has batch statistics
 
     weight: float = 0.3
     fall: tuple[float, float] = (0.2, 0.6)

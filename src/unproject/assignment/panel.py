@@ -40,6 +40,7 @@ class Assignment(ABC):
 
     Attributes:
         projected_at_once: images that it projects at once between steps, for the estimate of memory.
+        least_batch: images that a batch must have.
 
     Examples:
         >>> import torch, unproject as up
@@ -53,6 +54,7 @@ class Assignment(ABC):
     """
 
     projected_at_once: ClassVar[int] = 0
+    least_batch: ClassVar[int] = 1
 
     def heads(self, panel: Panel) -> int:
         """Return how many heads the discriminator has (default: one an observation)."""

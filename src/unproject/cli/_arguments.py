@@ -170,7 +170,7 @@ def _annotated(p: inspect.Parameter, text: str) -> Any:
     name = p.name[:-1] if p.name.endswith("_") else None
     # tyro would add "(default: None)" to a help that says what None means, "(default: True)" to --no-mirror.
     hint = "" if p.default is None or isinstance(p.default, bool) else None
-    text = f"{text.rstrip('.')}; this turns it off." if p.default is True and text else text
+    text = f"turn off: {text}" if p.default is True and text else text  # the flag is --no-NAME
     named: dict[str, Any] = {} if hint is None else {"help_behavior_hint": hint}
     shown = p.name.upper() if positional else None
     argument = tyro.conf.arg(name=name, help=text or None, metavar=shown, **named)

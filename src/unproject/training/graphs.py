@@ -39,16 +39,25 @@ class Graphs:
         """Return `module(*inputs)`."""
         return self.replayed("module", module, inputs, module) if replayable(module) else module(*inputs)
 
-    def project(self, place: int, projection: Projection, x: Tensor, **latents: Tensor) -> Tensor:
-        """Return `projection(x, **latents)` at one of several places."""
-        if not replayable(projection):
-            return projection(x, **latents)
-        names = tuple(latents)
+    def projecting(self, place: int) -> Callable[..., Tensor]:
+        """Return what calls a projection, `call(projection, x, **latents)`, at one of several places, for one step.
 
-        def function(x: Tensor, *values: Tensor) -> Tensor:
-            return projection(x, **dict(zip(names, values, strict=True)))
+        Only its first call is replayed: an assignment may project several times, and needs all of the results.
+        """
+        fresh = True
 
-        return self.replayed((place, names), function, (x, *latents.values()))
+        def call(projection: Projection, x: Tensor, **latents: Tensor) -> Tensor:
+            nonlocal fresh
+            if not fresh or not replayable(projection):
+                return projection(x, **latents)
+            fresh, names = False, tuple(latents)
+
+            def function(x: Tensor, *values: Tensor) -> Tensor:
+                return projection(x, **dict(zip(names, values, strict=True)))
+
+            return self.replayed((place, names), function, (x, *latents.values()))
+
+        return call
 
     def replayed(
         self,

@@ -17,7 +17,7 @@ from ..adversarial.losses import Loss, Relativistic
 from ..adversarial.matching import Matching
 from ..adversarial.penalties import R1R2, Penalty
 from ..adversarial.regularisers import Regulariser
-from ..assignment import JointlyPredicted, Panel
+from ..assignment import Panel
 from ..domains import Domain
 from ..networks import Discriminator, Generator
 from .tries import Tries
@@ -182,8 +182,9 @@ class Recipe:
             raise UserError(f"ema_half_life={self.ema_half_life}: give steps, or 0 for no average")
         if self.batch % self.views_per_sample:
             raise UserError(f"batch={self.batch}: must be a multiple of views_per_sample={self.views_per_sample}")
-        if self.batch < 2 and any(isinstance(panel.assignment, JointlyPredicted) for panel in self.panels):
-            raise UserError("batch=1: views are predicted by batch statistics; give at least 2")
+        least = max(panel.assignment.least_batch for panel in self.panels)
+        if self.batch < least:
+            raise UserError(f"batch={self.batch}: the assignment of its panels needs at least {least}")
         for name in ("steps", "minutes"):
             value = getattr(self, name)
             if value is not None and not (value > 0 and math.isfinite(value)):

@@ -136,7 +136,7 @@ def locked(path: Path, leads: bool = True) -> Iterator[None]:
     folder = os.open(path, os.O_RDONLY)  # the folder itself: it is there before anything is written into it
     try:
         for wait in LOOKED_AT:
-            if _taken(folder) is not False:
+            if _try_lock(folder) is not False:
                 break
             time.sleep(wait)
         else:
@@ -152,13 +152,13 @@ def is_locked(path: Path) -> bool | None:
         return None
     folder = os.open(path, os.O_RDONLY)
     try:
-        taken = _taken(folder)
-        return None if taken is None else not taken
+        acquired = _try_lock(folder)
+        return None if acquired is None else not acquired
     finally:
         os.close(folder)
 
 
-def _taken(folder: int) -> bool | None:
+def _try_lock(folder: int) -> bool | None:
     """Take the lock of an open folder; return whether it was free, or None if there are no locks."""
     try:
         fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)

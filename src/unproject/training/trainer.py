@@ -134,7 +134,7 @@ class Trainer:
         recipe, ranks = self.recipe, self.distribution
         whole = panel.rows(recipe.batch * ranks.world, derived_seed(recipe.seed, index, "rows"), draw)
         rows = ranks.own(whole)
-        panel.assignment.call = partial(self.graphs.project, index)
+        panel.assignment.call = self.graphs.projecting(index)
         fake = panel.assignment.project(x, rows, ranks.part(recipe.seed, draw, f"latents/{index}", whole))
         real, seen = panel.panel.batch(rows, fake.device).to(fake), fake
         if panel.augmentation is not None:
