@@ -25,6 +25,8 @@ FIT = "docs/fit.md"
 PAGES = {
     "README.md": {"train", "export"},
     "docs/usage.md": {"train", "export"},
+    "docs/shapes.md": {"data", "train", "export"},
+    "docs/materials.md": {"train", "render", "export"},
     "docs/start.md": {"studio", "export"},
     FIT: {"train", "fit"},
     "docs/studio.md": {"train", "export"},

@@ -19,8 +19,8 @@ def run(
 ) -> None:
     """Write a run for others, or send it to the Hugging Face Hub: weights in 16 bits, recipe, verdict and a model card.
 
-    What is written is a run directory: it can be sampled, exported, explored and fitted, but not resumed. Nothing in it
-    is executable, and it names no folder of this machine.
+    What is written is a run directory: it can be sampled, exported and explored anywhere, but not resumed; `fit` needs
+    the training data. Nothing in it is executable, and it names no folder of this machine.
 
     Args:
         path: the run directory.

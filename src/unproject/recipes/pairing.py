@@ -3,7 +3,7 @@
 =========== ==================================== ================================================
 views       data                                 assignment
 =========== ==================================== ================================================
-predicted   one unlabelled collection            `Predicted` (VP-MP-GAN)
+predicted   one unlabelled collection            `Predicted` (VP-MP-GAN), or as the recipe says
 learned     one unlabelled collection            `LearnedPrior`, one head (UVTomo-GAN)
 known       a collection for each view           `Known` (MP-GAN)
 single      one unlabelled collection            `Unassigned`, one head (PrGAN)

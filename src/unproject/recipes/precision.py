@@ -17,7 +17,7 @@ def fast_precision() -> Literal["float32", "bfloat16"]:
     """Return bfloat16 if this processor has instructions for it, and no GPU takes its place, else float32.
 
     The processor decides rather than a measurement, which other programs disturb: the same command makes the same run.
-    GPUs were not measured.
+    On an H100 bfloat16 was slower (docs/scale.md).
     """
     if torch.cuda.is_available():
         return "float32"
