@@ -64,9 +64,10 @@ class Silhouette(Projection):
             those at others (`ops.elevation`), where no gradient in the azimuth is asked for, at about three times the
             cost of level ones. These interpolate the volume in another order, so pixels differ from the reference: of
             chairs at 32³ by 0.003 to 0.007 in the mean for "any" and "absorption", 0.025 for "alpha" (which jumps), by
-            up to 0.25 at a rim below 60°, and by more in 4 of 1000 pixels above. At elevation 0 they equal level views up to
-            rounding. Cameras in perspective or rolled have the values of the reference: for "absorption" by `ops.straight_rays`, at one to
-            three times the cost of level views on a CPU with a compiler; else the reference itself.
+            up to 0.25 at a rim below 60°, and by more in 4 of 1000 pixels above. At elevation 0 they equal level views
+            up to rounding. Cameras in perspective or rolled have the values of the reference: for "absorption" by
+            `ops.straight_rays`, at one to three times the cost of level views on a CPU with a compiler; else the
+            reference itself.
 
     Latents, (B,) each: `azimuth`, `elevation` and `roll` in radians, `perspective` as one over the distance of the
     pinhole from the object's centre, 0 (orthographic) to 0.45. Roll turns the picture about its centre,
