@@ -11,7 +11,8 @@ import torch.nn.functional as F
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.data import chairs
+from unproject.assignment.views import views_of
+from unproject.data import Collection, chairs
 from unproject.ops import rotate, visual_hull
 from unproject.ops.resampling import centres
 from unproject.projections.silhouette import (
@@ -372,6 +373,15 @@ def test_twenty_four_azimuth_elevation_bins() -> None:
     bands = torch.rad2deg(elevation).view(3, 100)
     for band, low in zip(bands, (-22.5, -7.5, 7.5)):
         assert band.min() >= low - 1e-3 and band.max() <= low + 15 + 1e-3
+
+
+@pytest.mark.parametrize("bands", [1, 2, 3])
+def test_the_outermost_elevations_are_in_a_band(bands: int) -> None:
+    most = math.radians(7.5 * bands)
+    known = Collection(
+        torch.zeros(3, 1, 4, 4), latents={"azimuth": torch.zeros(3), "elevation": most * torch.tensor([-1, 0, 1])}
+    )
+    assert views_of(known, azimuth_elevation_bins(1, bands)).tolist() == [0, bands // 2, bands - 1]
 
 
 @pytest.mark.parametrize("azimuths, bands", [(1, 1), (7, 1), (8, 1), (5, 3), (4, 2)])

@@ -24,7 +24,7 @@ from unproject.ops.maps import MAPS, luminance, unpack_maps
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
-from unproject.recipes import names
+from unproject.recipes import find, names
 from unproject.recipes.held_out import held_out
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, natural_light, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
@@ -199,6 +199,19 @@ def test_colours_of_data_are_read_if_asked_for(tmp_path: Path) -> None:
     (tmp_path / "folder" / "specular").mkdir(parents=True)
     Image.new("RGB", (16, 16), (255, 196, 87)).save(tmp_path / "folder" / "specular" / "gold.png")
     assert wood_materials(data=tmp_path / "folder", coloured_specular=True, **TOY).panels[0].shape == (3, 16, 16)
+
+
+def test_data_may_be_named_by_a_string(tmp_path: Path) -> None:
+    np.savez(tmp_path / "maps.npz", **{name: map_.numpy() for name, map_ in unpack_maps(wood(3, 16, 0)).items()})
+    for recipe in ("materials", "wood", "wood-paper"):
+        made = find(recipe)(data=str(tmp_path / "maps.npz"), size=16, steps=1)
+        assert made.origin is not None and made.origin.arguments["data"] == {"path": str(tmp_path / "maps.npz")}
+
+
+def test_runs_made_in_python_are_scored_against_held_out_samples_too() -> None:
+    for recipe in ("digits", "digits-paper"):
+        assert held_out(find(recipe)(steps=1).origin, 8, 5) is not None
+    assert held_out(Origin("mine", "elsewhere:digits", {}), 8, 5) is None
 
 
 def test_a_coloured_metal_is_scored_against_coloured_ones() -> None:

@@ -28,7 +28,7 @@ from unproject.projections import Identity
 from unproject.projections.observation import Observation
 from unproject.studio import Studio, explaining
 from unproject.training import Recipe, checkpoint, train
-from unproject.training.run_directory import locked
+from unproject.training.lock import locked
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""

@@ -17,7 +17,8 @@ from PIL import Image
 
 from unproject.cli import main
 from unproject.data.readers.views import read_views
-from unproject.studio.collections import Sorted, _others, _sorted, _table
+from unproject.projections.priors import Product, Uniform
+from unproject.studio.collections import Sorted, _middle, _others, _sorted, _table
 from unproject.studio.state import State
 from unproject.training.checkpoint import newest
 
@@ -44,6 +45,11 @@ def test_pictures_are_shown_by_their_views_the_least_sure_first(predicted: State
     assert {one["view"] for one in part["pictures"]} == {view}
     sure = [one["sure"] for one in part["pictures"]]
     assert sure == sorted(sure) and 0 <= sure[0] <= sure[-1] <= 1
+
+
+def test_an_elevation_below_the_horizon_is_negative_as_training_reads_it() -> None:
+    prior = Product(Uniform("azimuth", -0.1, 0.1), Uniform("elevation", -math.radians(20), -math.radians(10)))
+    assert _middle(prior) == pytest.approx({"azimuth": 0, "elevation": -15})
 
 
 def corrected(said: Said, state: State, name: str, view: object) -> tuple[int, dict[str, Any]]:

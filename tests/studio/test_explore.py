@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,18 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from unproject.assignment import Panel
 from unproject.cli import main
+from unproject.data import Collection
 from unproject.domains import Images
-from unproject.networks import Generator, ImageGenerator
+from unproject.networks import Discriminator, Generator, ImageGenerator, SmoothImageGenerator
+from unproject.projections.base import Identity
+from unproject.projections.observation import Observation
 from unproject.studio.answers import Request
 from unproject.studio.explore import file_name
 from unproject.studio.space import DIRECTIONS, PICKS, Space, slerp
 from unproject.studio.state import State
-from unproject.training import Run, checkpoint
+from unproject.training import Recipe, Run, checkpoint, train
 
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
@@ -59,6 +64,17 @@ def test_a_slider_moves_along_its_direction_only(space: Space) -> None:
     before, after = (space.place(Request({"slides": slides}))[0] for slides in ("0", "0,2"))
     assert torch.allclose(after - before, 2 * space.directions[1], atol=1e-5)
     assert torch.allclose(space.directions @ space.directions.T, torch.eye(len(space.directions)), atol=1e-4)
+
+
+def test_there_are_as_many_sliders_as_axes(tmp_path: Path, said: Said) -> None:
+    panel = Panel([Observation("itself", Identity())], Collection(torch.rand(8, 1, 16, 16)))
+    generator = partial(SmoothImageGenerator, size=16, code_size=3, channels=8)
+    recipe = Recipe(generator, [panel], discriminator=partial(Discriminator, channels=4), steps=1, batch=4)
+    train(recipe, tmp_path / "few", quiet=True)
+    assert said(State(tmp_path), "/api/grid", run="few")[1]["sliders"] == 3
+    moved = ("1,0,2", "1,0,2,1,1,1,1,1")
+    few, many = (said(State(tmp_path), "/api/sample", run="few", slides=slides) for slides in moved)
+    assert few == many and few[0] == 200
 
 
 class Stretched(Generator):

@@ -23,7 +23,7 @@ from unproject.studio.guard import Guard
 from unproject.studio.server import LARGEST
 from unproject.studio.state import State
 from unproject.studio.worker import Worker
-from unproject.training import run_directory
+from unproject.training import lock
 
 Said = Callable[..., tuple[int, dict[str, Any]]]
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
@@ -73,13 +73,13 @@ def test_a_run_counts_as_training_while_a_process_holds_it(
     recipe = folder / "toy" / "recipe.json"
     recipe.write_text(recipe.read_text().replace('"steps": 2', '"steps": 5'))
     state = State(folder)
-    with run_directory.locked(folder / "toy"):
-        assert said(state, "/api/runs")[1]["runs"][0]["training"] is (run_directory.fcntl is not None)
-        assert run_directory.is_locked(folder / "toy") in (True, None)
-    with run_directory.locked(folder / "toy"):  # looking did not keep it
+    with lock.locked(folder / "toy"):
+        assert said(state, "/api/runs")[1]["runs"][0]["training"] is (lock.fcntl is not None)
+        assert lock.is_locked(folder / "toy") in (True, None)
+    with lock.locked(folder / "toy"):  # looking did not keep it
         pass
-    assert said(state, "/api/run", run="toy")[1]["training"] is (run_directory.fcntl is None)
-    monkeypatch.setattr(run_directory, "fcntl", None)  # without locks, a log that grew a moment ago
+    assert said(state, "/api/run", run="toy")[1]["training"] is (lock.fcntl is None)
+    monkeypatch.setattr(lock, "fcntl", None)  # without locks, a log that grew a moment ago
     assert said(state, "/api/newest", run="toy")[1]["training"] is True
 
 

@@ -97,6 +97,7 @@ def test_what_does_not_fit_is_told_before_anything_is_written(
         (lambda: recipe(generator=Linear()), "generator: is built for each run anew; give the class"),
         (lambda: recipe(loss="hinge"), "loss='hinge': give a Loss"),
         (lambda: Recipe(Linear, up.Panel([OBSERVATION], DATA), steps=1), "give a list of panels"),  # type: ignore[arg-type]
+        (lambda: Recipe(Linear, [up.Panel([OBSERVATION], DATA)], Linear, steps=1), "give a Domain"),  # type: ignore[arg-type]
         (lambda: up.Panel(OBSERVATION, DATA), "give a list of observations"),  # type: ignore[arg-type]
         (lambda: up.Panel([OBSERVATION], DATA.floats()), r"its data are a Tensor; give up.Collection"),  # type: ignore[arg-type]
         (lambda: up.Panel([OBSERVATION], DATA.floats().numpy()), "its data are a ndarray; give up.Collection"),  # type: ignore[arg-type]

@@ -23,7 +23,8 @@ from unproject._types import UserError
 from unproject.assignment import Estimator, JointlyPredictedState, PredictorFit, predicted
 from unproject.data import Collection
 from unproject.domains import Domain
-from unproject.training import Adam, Recipe, checkpoint, load, resume, run_directory, train, trainer
+from unproject.report.contents import read_contents
+from unproject.training import Adam, Recipe, checkpoint, load, lock, resume, run_directory, train, trainer
 from unproject.training.trainer import Trainer
 
 # Rounds begin at odd steps and checkpoints are of even ones: what a round decided must come out of a checkpoint.
@@ -224,7 +225,7 @@ def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], No
 HOLDER = """
 import sys, time
 from pathlib import Path
-from unproject.training.run_directory import locked
+from unproject.training.lock import locked
 
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
@@ -232,7 +233,7 @@ with locked(Path(sys.argv[1])):
 """
 
 
-@pytest.mark.skipif(run_directory.fcntl is None, reason="no locks on this system")
+@pytest.mark.skipif(lock.fcntl is None, reason="no locks on this system")
 def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path) -> None:
     train(toy(steps=2), tmp_path, quiet=True)
     with subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as other:
@@ -241,6 +242,28 @@ def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path) -> None:
             resume(tmp_path, toy(steps=3), quiet=True)
         other.kill()  # however that process ends, the run is free again
     assert resume(tmp_path, toy(steps=3), quiet=True).step == 3
+
+
+def test_a_new_budget_is_the_runs_own_from_then_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = tmp_path / "run"
+    train(toy(steps=2, checkpoint_every=2), run, quiet=True)
+    assert load(run, trust=True).complete and read_contents(run).complete
+    with monkeypatch.context() as patch, suppress(Killed):
+        at_call(patch, Trainer, "step", 3, die)
+        resume(run, steps=8, trust=True, quiet=True)
+    assert not load(run, trust=True).complete and not read_contents(run).complete
+    resumed = resume(run, trust=True, quiet=True)  # no budget given: it goes on to the new one
+    assert (resumed.step, resumed.complete, load(run, trust=True).complete) == (8, True, True)
+    assert read_contents(run).recipe["arguments"]["steps"] == 8
+    resume(run, minutes=1e9, steps=8, trust=True, quiet=True)
+    assert read_contents(run).complete
+
+
+def test_a_run_that_was_stopped_is_not_complete_when_it_is_opened(tmp_path: Path) -> None:
+    train(toy(steps=2), tmp_path, quiet=True)
+    recipe = tmp_path / "recipe.json"
+    recipe.write_text(recipe.read_text().replace('"steps": 2', '"steps": 5'))
+    assert not load(tmp_path, trust=True).complete and not read_contents(tmp_path).complete
 
 
 CHANGED: dict[str, Recipe] = {

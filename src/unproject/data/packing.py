@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import math
 import os
 import shutil
 import zipfile
@@ -123,6 +124,8 @@ def _pack_of(path: Path, out: Path, parts: Sequence[Path], folder: Path, how: Ho
     views = views_beside(path, [_text(name) for name in names.tolist()], [name for name, _ in reported]) or {}
     columns = {"names": names, "skipped": skipped, "reasons": reasons, "side": np.array(side_of(path) or 0)}
     columns |= {name: angles.numpy() for name, angles in views.items()}
+    if "azimuth" in columns:  # beyond two turns angles of a file are taken for degrees
+        columns["azimuth"] = columns["azimuth"] % np.float32(2 * math.pi)
     dtype = np.dtype("uint8" if all(t["dtype"] == np.uint8 for t in tables) else "float32")
     with atomic_path(folder / "whole.npz") as temporary, zipfile.ZipFile(temporary, "w") as archive:
         key = "images" if how.images else "silhouettes"

@@ -235,6 +235,9 @@ _CACHED = 1_000_000
 """Values of slices at a time: as fast as one volume at a time for large volumes, as all of them for small ones. A GPU,
 which is slow to begin anything, works on a hundred times as many."""
 
+EDGE = 1e-6
+"""Radians by which the last band of elevations is larger."""
+
 _RULE = {"any": any_occupied, "alpha": capped_sum}
 
 
@@ -258,6 +261,7 @@ def azimuth_elevation_bins(
 ) -> tuple[Observation, ...]:
     """Return silhouettes in bins of azimuth × bands of elevation, 15° wide, centred on 0: the released second set."""
     bands = [math.radians(15) * (band - elevations / 2) for band in range(elevations + 1)]
+    bands[-1] += EDGE  # a bin does not contain its upper end, but the last one should
     return tuple(
         Observation(
             f"azimuth-{k:02d}-elevation-{band}",

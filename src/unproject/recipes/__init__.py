@@ -40,6 +40,16 @@ def names() -> dict[str, str]:
     return {name: line for name, (_, line) in _HOME.items()}
 
 
+def name_of(function: str) -> str | None:
+    """Return the name of a built-in recipe by its function, "module:function"; None for any other.
+
+    Examples:
+        >>> name_of("unproject.recipes.shapes:shapes")
+        'shapes'
+    """
+    return next((name for name, (home, _) in _HOME.items() if home == function), None)
+
+
 def find(name: str) -> Callable[..., Recipe]:
     """Return the function of a built-in recipe. Raises UserError for an unknown name."""
     if name not in _HOME:

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ..data import chairs, digits
 from ..training import Origin
+from . import name_of
 from .materials import PROCEDURAL
 
 UNSEEN = 2**40
@@ -29,6 +30,6 @@ def held_out(origin: Origin | None, size: int, count: int) -> Tensor | None:
     """Return held-out samples for a run of a built-in recipe on its own data set; None for any other run."""
     if origin is None or origin.arguments.get("data") is not None:
         return None
-    make = HELD_OUT.get(origin.recipe.removesuffix("-paper"))
+    make = HELD_OUT.get((name_of(origin.function) or origin.recipe).removesuffix("-paper"))
     how = {"coloured": True} if origin.arguments.get("coloured_specular") else {}
     return None if make is None else make(size, count, **how)

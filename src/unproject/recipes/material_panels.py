@@ -167,9 +167,9 @@ def mirrored(observation: str, images: Tensor, axes: tuple[int, ...]) -> Tensor:
     return flipped
 
 
-def observations_of(data: Path | None) -> tuple[str, ...]:
+def observations_of(data: str | Path | None) -> tuple[str, ...]:
     """Return the observations that `data` has sub-folders for; else the maps and what determines them (`FIRST`)."""
-    found = () if data is None else photographed(data)
+    found = () if data is None else photographed(Path(data))
     return found or (*MAPS, *FIRST)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..training.budget import progress_of
 from ..training.checkpoint import list_checkpoints, step_of
 from ..training.run_directory import VERDICT, read_recipe
 
@@ -57,13 +58,10 @@ class Contents:
     @property
     def progress(self) -> float:
         """Return the part of recipe.json's budget that is spent."""
-        resolved = self.recipe["resolved"]
-        steps, minutes = number(resolved.get("steps")), number(resolved.get("minutes"))
-        by_step = self.step / steps if steps else 0.0
         # The last steps are not logged: the log is written every so many.
         logged = sorted(number(line.get("seconds")) or 0.0 for line in self.lines)[-2:]
-        by_time = (self.seconds + 2 * (logged[-1] - logged[0])) / (60 * minutes) if minutes and logged else 0.0
-        return max(by_step, by_time)
+        seconds = self.seconds + 2 * (logged[-1] - logged[0]) if logged else 0.0
+        return progress_of(self.recipe["resolved"], self.step, seconds)
 
     @property
     def unfinished(self) -> str:

@@ -156,7 +156,7 @@ def without_paths(value: Any) -> Any:
     Examples:
         >>> without_paths({"data": "/data/secret/masks", "rate": 0.1})
         {'data': 'masks', 'rate': 0.1}
-        >>> without_paths({"command": ["unproject", "train", "shapes", "--data=../secret/masks"]})
+        >>> without_paths({"command": ["unproject", "train", "shapes", "--data=../lr=1/masks"]})
         {'command': ['unproject', 'train', 'shapes', '--data=masks']}
     """
     if isinstance(value, Mapping):
@@ -172,5 +172,5 @@ def without_paths(value: Any) -> Any:
 
 
 def _short_word(word: Any) -> str:
-    flag, sign, path = str(word).rpartition("=") if str(word).startswith("-") else ("", "", str(word))
+    flag, sign, path = str(word).partition("=") if re.match("-[^=]*=", str(word)) else ("", "", str(word))
     return flag + sign + re.split(r"[/\\]", path.rstrip("/\\"))[-1]

@@ -68,7 +68,8 @@ class Sorted:
 def _middle(prior: Any) -> dict[str, float]:
     factors = getattr(prior, "factors", (prior,))
     named = {f.name: (f.low + f.high) / 2 for f in factors if hasattr(f, "low") and hasattr(f, "high")}
-    return {name: math.degrees(named[name]) % 360 for name in ("azimuth", "elevation") if name in named}
+    found = {name: math.degrees(named[name]) for name in ("azimuth", "elevation") if name in named}
+    return found | {"azimuth": found["azimuth"] % 360} if "azimuth" in found else found
 
 
 def _sorted(state: State, name: str) -> list[Sorted]:

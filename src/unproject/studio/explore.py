@@ -17,7 +17,7 @@ from ..report.shapes import is_drawable, shape_data
 from ..training import Run
 from .answers import Answer, Request, of_json
 from .downloads import exported
-from .space import DIRECTIONS, PICKS, Space
+from .space import PICKS, Space
 from .state import State
 
 SHOWN, CELL = 24, 112
@@ -42,7 +42,7 @@ def show_grid(state: State, request: Request) -> Answer:
             "kind": run.domain.name,
             "step": run.step,
             "pages": PICKS // SHOWN,
-            "sliders": DIRECTIONS,
+            "sliders": len(space_of(state, request).directions),
             "formats": sorted(run.domain.exporters),
             "format": run.domain.written,
             "samples": [{"pick": page * SHOWN + k, "picture": uri} for k, uri in enumerate(seen)],

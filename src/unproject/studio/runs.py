@@ -16,7 +16,7 @@ from ..report import write_report
 from ..report.contents import Contents, number, read_contents
 from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
 from ..training.checkpoint import why_unreadable
-from ..training.run_directory import is_locked
+from ..training.lock import is_locked
 from .answers import Answer, Missing, Request, of_json, tagged
 from .downloads import attachment
 from .state import State
@@ -37,11 +37,11 @@ def list_runs(state: State, request: Request) -> Answer:
 
 
 def _trains(state: State, summary: dict[str, Any]) -> bool:
-    """Whether a run is being written: its budget is not spent, and a process holds its lock."""
-    if summary.get("complete", True):
+    """Whether a run is being written: a process holds its lock."""
+    if "kind" not in summary:  # it cannot be read
         return False
     locked = is_locked(state.folder.run(summary["name"]))
-    return time.time() - summary["changed"] < STILL if locked is None else locked
+    return not summary["complete"] and time.time() - summary["changed"] < STILL if locked is None else locked
 
 
 def _summary(state: State, name: str) -> dict[str, Any]:

@@ -64,7 +64,7 @@ class Space:
         a = self.picks[request.whole("pick", 0, 0, PICKS - 1)]
         b = self.picks[request.whole("other", request.whole("pick", 0, 0, PICKS - 1), 0, PICKS - 1)]
         v = slerp(a, b, request.number("mix", 0, 0, 1)) * request.number("truncation", 1, 0, 1)
-        slides = torch.tensor(_numbers(request.text("slides", "")))
+        slides = torch.tensor(_numbers(request.text("slides", "")))[: len(self.directions)]
         return (v + slides @ self.directions[: len(slides)])[None]
 
     @torch.no_grad()

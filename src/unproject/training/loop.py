@@ -9,9 +9,11 @@ from typing import Any, Literal, TypeAlias
 from .._random import own_random_state
 from .._types import UserError
 from . import checkpoint, event_file, run_directory
+from .budget import store_budget
 from .compatibility import check_same
 from .distribution import Distribution
 from .health import Diverged
+from .lock import locked
 from .origin import rebuild
 from .parts import check_parts
 from .recipe import Recipe
@@ -77,7 +79,7 @@ def train(
     distribution.barrier()
     if distribution.leads:
         out.mkdir(parents=True, exist_ok=True)
-    with run_directory.locked(out, distribution.leads):
+    with locked(out, distribution.leads):
         if distribution.leads:
             run_directory.check_free(out)  # another process may have made a run there meanwhile
             run_directory.create(out, content)
@@ -107,7 +109,7 @@ def resume(
     Args:
         path: the run directory.
         recipe: the recipe of the run; needed only if it was not made by a recipe function.
-        steps, minutes: a budget in place of the run's own, what is already spent included.
+        steps, minutes: a budget in place of the run's own, what is already spent included; it is the run's own since.
         device: "auto", "cpu" or "cuda".
         trust: import the recipe's code although it is not of this package.
         quiet: show no progress bar.
@@ -142,13 +144,15 @@ def resume(
     distribution = Distribution(device)
     check_same(path, recipe)
     state = State(recipe, distribution.device)
-    with run_directory.locked(path, distribution.leads):
+    with locked(path, distribution.leads):
         if distribution.leads:
             run_directory.remove_temporaries(path)
         if checkpoint.list_checkpoints(path / "checkpoints"):
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
         elif run_directory.read_recipe(path)["start"] is not None:
             raise UserError(f"{path}: was stopped before its first weights were stored; delete it, and train again")
+        if distribution.leads:
+            store_budget(path, recipe, state.counters.step, state.counters.seconds)
         return _run(recipe, path, state, distribution, quiet, log)
 
 

@@ -36,7 +36,7 @@ def resumable(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
 
     @functools.wraps(function)
     def remembered(*positional: P.args, **arguments: P.kwargs) -> Recipe:
-        made = function(*positional, **arguments)
+        made = function(*positional, **with_paths(function, arguments))  # pyright: ignore[reportCallIssue]
         named = [
             name for name, p in inspect.signature(function).parameters.items() if p.kind is p.POSITIONAL_OR_KEYWORD
         ]

@@ -168,6 +168,8 @@ class Recipe:
                 raise UserError(f"{name}: is built for each run anew; give the class, or functools.partial of it")
         if not isinstance(self.loss, Loss):
             raise UserError(f"loss={self.loss!r}: give a Loss, such as up.Hinge()")
+        if not isinstance(self.domain, Domain | None):
+            raise UserError(f"domain={self.domain!r}: give a Domain, such as up.Images()")
         if not self.panels:
             raise UserError("the recipe has no panels: give at least one Panel(observations, data)")
         for name, choices in (("precision", ("float32", "bfloat16")), ("normalise_over", (None, "processes"))):

@@ -25,8 +25,10 @@ from ..inversion import Fitter, Search, Viewing
 from ..metrics import Score
 from ..networks import Generator
 from . import checkpoint
+from .budget import progress_of
 from .building import build, build_domain
 from .compatibility import check_data, check_same
+from .counters import COUNTERS
 from .estimate import require_memory
 from .evaluation import estimated_view_scores, observed_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
@@ -287,4 +289,6 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
         raise UserError(f"{newest}: the weights do not fit recipe.json: another run's or version's") from error
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = checkpoint.step_of(newest)
-    return Run(path, generator.eval().to(torch.device(device)), step, domain, made=recipe, trusted=trust)
+    spent = checkpoint.load(newest, f"{COUNTERS}seconds").values()  # nothing in a shared run
+    complete = all(progress_of(stored["resolved"], step, seconds.item()) >= 1 for seconds in spent)
+    return Run(path, generator.eval().to(torch.device(device)), step, domain, complete, made=recipe, trusted=trust)

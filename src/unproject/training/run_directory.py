@@ -18,7 +18,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -29,11 +28,6 @@ from typing import Any
 
 import torch
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
-
 from .._files import atomic_path, read_json, understood
 from .._types import UserError
 from . import event_file
@@ -43,8 +37,6 @@ from .recipe import Origin, Recipe
 VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
 LISTED = 5
-LOOKED_AT = (0.01, 0.1, 0.5, 0.0)
-"""Seconds to wait for a lock: `is_locked` holds it for a moment."""
 RESTORE = "restore it from a copy, or train again"
 ENVIRONMENT, REPORT = "environment.json", "report.html"
 WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FOLDER, "checkpoints")
@@ -119,54 +111,6 @@ def remove_begun(path: Path) -> None:
     (path / "recipe.json").unlink(missing_ok=True)
     with suppress(OSError):  # something else is there
         path.rmdir()
-
-
-@contextmanager
-def locked(path: Path, leads: bool = True) -> Iterator[None]:
-    """Keep every other process from training this run meanwhile; the lock goes with the process, however it ends.
-
-    Where the system or the disk has no locks, nothing is kept away.
-
-    Raises:
-        UserError: if another process trains it.
-    """
-    if not leads or fcntl is None:
-        yield
-        return
-    folder = os.open(path, os.O_RDONLY)  # the folder itself: it is there before anything is written into it
-    try:
-        for wait in LOOKED_AT:
-            if _try_lock(folder) is not False:
-                break
-            time.sleep(wait)
-        else:
-            raise UserError(f"{path}: another process is training this run; wait for it, or stop it")
-        yield
-    finally:
-        os.close(folder)
-
-
-def is_locked(path: Path) -> bool | None:
-    """Return whether a process trains this run now; None where the system or the disk has no locks."""
-    if fcntl is None:
-        return None
-    folder = os.open(path, os.O_RDONLY)
-    try:
-        acquired = _try_lock(folder)
-        return None if acquired is None else not acquired
-    finally:
-        os.close(folder)
-
-
-def _try_lock(folder: int) -> bool | None:
-    """Take the lock of an open folder; return whether it was free, or None if there are no locks."""
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return None
-    return True
 
 
 def remove_temporaries(path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -237,6 +238,24 @@ def test_masks_that_show_nothing_are_left_out(tmp_path: Path) -> None:
     np.savez(tmp_path / "none.npz", masks=0 * masks)
     with pytest.raises(UserError, match="no picture has anything above 0.5"):
         Collection.silhouettes(tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize("form", ["mapped", "mapped and inverted", "cut-outs", "mapped cut-outs", "framed"])
+def test_what_shows_nothing_is_left_out_however_it_is_stored(tmp_path: Path, form: str) -> None:
+    masks = blocks().repeat(2, 1).repeat(2, 2)  # objects that are large enough to be framed
+    masks[[1, 3]] = 0
+    stored = np.stack([masks // 2 + 100] * 3 + [masks], -1) if "cut-outs" in form else masks
+    stored = 255 - stored if "inverted" in form else stored
+    file = tmp_path / ("some.npy" if "mapped" in form else "some.npz")
+    names = [f"cat{k}" for k in range(5)]
+    np.save(file, stored) if "mapped" in form else np.savez(file, masks=stored, names=names)
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter("always")
+        found = Collection.silhouettes(file, **({"framing": Framing()} if form == "framed" else {}))
+    name = "{:05d}" if "mapped" in form else "cat{}"
+    assert found.names == tuple(name.format(k) for k in (0, 2, 4))
+    assert [skipped for skipped, _ in found.skipped] == [name.format(k) for k in (1, 3)]
+    assert found.floats().flatten(1).amax(1).min() > 0.5
 
 
 def test_colour_pictures_are_no_masks(tmp_path: Path) -> None:

@@ -64,12 +64,6 @@ def warn_of_inversion(path: Path, key: str) -> None:
     )
 
 
-def shown_rows(pictures: Tensor, white: int) -> Tensor:
-    """Return the rows of masks (N, ...) that show anything, above one half."""
-    shown = [(to_floats(part, white) > 0.5).flatten(1).any(1) for part in chunks(pictures)]
-    return torch.cat(shown).nonzero()[:, 0]
-
-
 def masks_of(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> Found:
     """Return the masks of an array (N, C, H, W), framed if asked for or of another size.
 
@@ -82,35 +76,46 @@ def masks_of(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> 
         if are_inverted(pictures, white):
             warn_of_inversion(path, key)
             pictures = white - pictures
-        found, pictures = _shown(path, key, found, pictures, white)
+    if framing == AS_GIVEN and channels != 3:
+        found, rows = shown_rows(path, key, found, pictures)
+        pictures = pictures if rows is None else pictures[rows]
     if framing == AS_GIVEN and channels == 1 and (how.size is None or sides == [how.size] * 2):
         return found._replace(items=pictures)
     return _framed(path, found, pictures, How(how.size or max(sides), framing=framing, strict=how.strict))
 
 
-def _shown(path: Path, key: str, found: Found, pictures: Tensor, white: int) -> tuple[Found, Tensor]:
-    """Leave out masks that show nothing.
+def shown_rows(
+    path: Path, key: str, found: Found, pictures: Tensor, inverted: bool = False
+) -> tuple[Found, Tensor | None]:
+    """Return the rows of masks (N, 1, H, W), or of cut-outs (N, 4, H, W), that show anything; None for all.
 
     Raises:
         UserError: if none does.
     """
-    rows = shown_rows(pictures, white)
+    white = white_of(pictures)
+    parts = (to_floats(part[:, -1], white) for part in chunks(pictures))
+    rows = torch.cat([((part < 0.5) if inverted else (part > 0.5)).flatten(1).any(1) for part in parts]).nonzero()[:, 0]
     if not len(rows):
         raise UserError(f"{path}: {key}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
     if len(rows) == len(pictures):
-        return found, pictures
-    names = [f"{row:05d}" for row in range(len(pictures))] if found.names is None else [*map(str, found.names)]
+        return found, None
+    names = names_of(found, len(pictures))
     blank = sorted({*range(len(pictures))} - {*rows.tolist()})
     skipped = [(names[row], "empty: no pixel reaches the threshold") for row in blank]
     latents = None if found.latents is None else {name: value[rows] for name, value in found.latents.items()}
     kept = found._replace(names=[names[row] for row in rows.tolist()], latents=latents)
-    return kept._replace(skipped=(*found.skipped, *skipped)), pictures[rows]
+    return kept._replace(skipped=(*found.skipped, *skipped)), rows
+
+
+def names_of(found: Found, count: int) -> list[str]:
+    """Return the names of the items of an array: its own, or their numbers."""
+    return [f"{row:05d}" for row in range(count)] if found.names is None else [*map(str, found.names)]
 
 
 def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
     """The pictures that can be framed, in 8 bits unless they are floats whose values are kept."""
     assert how.size is not None and how.framing is not None
-    skipped, white = {}, white_of(pictures)
+    skipped, white, names = {}, white_of(pictures), names_of(found, len(pictures))
     exact = pictures.is_floating_point() and how.framing.threshold is None
     items = torch.empty(len(pictures), 1, how.size, how.size, dtype=torch.float32 if exact else torch.uint8)
     rows: list[int] = []
@@ -122,13 +127,12 @@ def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
         except UnusablePicture as reason:
             if how.strict:
                 raise UserError(f"{path}, item {row}: {reason}; fix or remove it, or leave out --strict") from None
-            skipped[f"{row:05d}"] = str(reason)
+            skipped[names[row]] = str(reason)
     if not rows:
-        raise UserError(f"{path}: none of the {len(pictures)} pictures can be used (item 0: {skipped['00000']})")
-    names = [f"{row:05d}" for row in rows] if found.names is None else [str(found.names[row]) for row in rows]
+        raise UserError(f"{path}: none of the {len(pictures)} pictures can be used (item 0: {skipped[names[0]]})")
     return Found(
         items[: len(rows)],
-        names,
+        [names[row] for row in rows],
         None if found.latents is None else {name: value[rows] for name, value in found.latents.items()},
         (*found.skipped, *skipped.items()),
         str(path),

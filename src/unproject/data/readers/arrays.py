@@ -27,7 +27,7 @@ from ..._files import check_regular, check_unpacked
 from ..._pictures import LONGEST
 from ..._types import UserError
 from ..lazy import Lazy
-from .array_masks import are_inverted, masks_of, refuse_colours, warn_of_axes, warn_of_inversion
+from .array_masks import are_inverted, masks_of, refuse_colours, shown_rows, warn_of_axes, warn_of_inversion
 from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .how import How
@@ -246,6 +246,8 @@ def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:
 
 
 EIGHT_BITS = 255
+LARGEST_SEARCHED = 2**28
+"""Bytes of an array in a file up to which all its masks are read to leave out those that show nothing."""
 
 
 def _of_eight_bits(pictures: Tensor) -> Tensor:
@@ -269,8 +271,11 @@ def _in_file(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> 
     inverted = pictures.shape[1] == 1 and are_inverted(pictures, white)
     if inverted:
         warn_of_inversion(path, key)
+    rows = None
+    if pictures.shape[1] != 3 and pictures.nbytes < LARGEST_SEARCHED:
+        found, rows = shown_rows(path, key, found, pictures, inverted)
     if pictures.shape[1:] == (1, size, size) and not inverted:
-        return found._replace(items=Lazy(pictures), white=white)
+        return found._replace(items=Lazy(pictures, rows), white=white)
     eight_bits = not pictures.is_floating_point()
 
     def resampled(some: Tensor) -> Tensor:
@@ -278,4 +283,4 @@ def _in_file(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> 
         images = torch.stack([frame(x.movedim(0, 2).numpy(), size, AS_GIVEN).image for x in to_floats(some, white)])
         return to_bytes(images) if eight_bits else images
 
-    return found._replace(items=Lazy(pictures, change=resampled), white=255 if eight_bits else 1)
+    return found._replace(items=Lazy(pictures, rows, resampled), white=255 if eight_bits else 1)

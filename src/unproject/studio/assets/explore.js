@@ -95,6 +95,7 @@ function fillControls(controls, place, changed) {
       place.slides[k] = value;
       changed();
     }));
+  for (const { row } of sliders) row.classList.add("direction");
   const truncation = slider("truncation", place.truncation, 0, 1, 0.01, (value) => { place.truncation = value; changed(); });
   truncation.row.title = "1: as it was generated. 0: the mean of all.";
   const mix = slider("mix of both", place.mix, 0, 1, 0.01, (value) => { place.mix = value; changed(); });
@@ -162,6 +163,7 @@ export async function fillGrid(grid, query, place, changed) {
   async function page(k) {
     const found = await ask("/api/grid", { run: query.run, step: place.step, page: k });
     [total, at] = [found.pages * found.samples.length, k];
+    document.querySelectorAll(".direction").forEach((row, i) => { row.hidden = i >= found.sliders; });
     cells.replaceChildren(...found.samples.map((sample) => {
       const cell = make("button", { type: "button", value: sample.pick, title: `sample ${sample.pick}` },
         make("img", { src: sample.picture, alt: `sample ${sample.pick}` }));

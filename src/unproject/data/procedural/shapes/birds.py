@@ -1,6 +1,7 @@
 """A procedural data set of birds that stand: body, neck, head, beak, wings at the sides or half open, tail, legs.
 
-They are upright (y up), face +z, are mirror images of themselves in x = 0, and lie inside |x|, |y|, |z| < 0.95.
+They are upright (y up), face +z, are mirror images of themselves in x = 0, and lie inside |x|, |y| < 0.95; of
+few, with a long body, neck and beak, the tip reaches z = 1.
 """
 
 from __future__ import annotations

@@ -1,0 +1,35 @@
+"""Budget: the steps or minutes of a run on disk, and how much of them is spent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .._files import read_json
+from .recipe import Recipe
+from .run_directory import BUDGET, RESTORE, VERDICT, write_json
+
+
+def progress_of(resolved: Mapping[str, Any], step: int, seconds: float) -> float:
+    """Return the part of the budget of recipe.json that is spent: the larger of that of steps and of minutes."""
+    steps, minutes = (_positive(resolved.get(name)) for name in BUDGET)
+    return max(step / steps if steps else 0.0, seconds / (60 * minutes) if minutes else 0.0)
+
+
+def store_budget(path: Path, recipe: Recipe, step: int, seconds: float) -> None:
+    """Write the budget of a run that goes on to its recipe.json, and remove the verdict on less training."""
+    file = path / "recipe.json"
+    content, budget = read_json(file, RESTORE), {name: getattr(recipe, name) for name in BUDGET}
+    if {name: content["resolved"].get(name) for name in BUDGET} != budget:
+        content["resolved"] |= budget
+        if content.get("function"):  # by which it is built again
+            given = {name: value for name, value in budget.items() if value is not None}
+            content["arguments"] = {k: v for k, v in content["arguments"].items() if k not in BUDGET} | given
+        write_json(file, content)
+    if recipe.progress(step, seconds) < 1:
+        (path / VERDICT).unlink(missing_ok=True)
+
+
+def _positive(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and value > 0 else 0.0
