@@ -191,7 +191,7 @@ def mirror_of(mirror: bool, views: Views, collection: Collection) -> bool | Lite
     if not mirror or views not in ("known", "direct"):
         return mirror
     plane = plane_of_symmetry(collection)
-    return plane == "x" or plane or False
+    return "z" if plane == "z" else plane is not None
 
 
 def split_panel(

@@ -97,10 +97,10 @@ def build(path: Path, described: Any, kind: type[Any], trust: bool) -> Any:
         )
     try:
         _check_arguments(path, name, {**arguments, **{str(i): value for i, value in enumerate(positional)}})
-        build = _imported(module, attribute)
-        if trust or (isinstance(build, type) and issubclass(build, kind)):
+        found = _imported(module, attribute)
+        if trust or (isinstance(found, type) and issubclass(found, kind)):
             given = {key: _argument(value, trust) for key, value in arguments.items()}
-            return build(*(_argument(value, trust) for value in positional), **given)
+            return found(*(_argument(value, trust) for value in positional), **given)
     except _DigestError:
         raise
     except ModuleNotFoundError as error:

@@ -47,13 +47,14 @@ class PanelState:
 
     def begin_losses(self, recipe: Recipe, device: torch.device) -> PanelState:
         """Begin what the losses remember: the augmentation, moving means, the gradient's norm; return the state."""
-        self.augmentation = recipe.augmentation and recipe.augmentation.begin()
+        self.augmentation = None if recipe.augmentation is None else recipe.augmentation.begin()
         self.begin_generated(recipe, device)
         return self
 
     def begin_generated(self, recipe: Recipe, device: torch.device) -> None:
         """Begin what is remembered of generated images."""
-        self.matching = recipe.matching and recipe.matching.begin(some_images(self.panel)).to(device)
+        given = recipe.matching
+        self.matching = None if given is None else given.begin(some_images(self.panel)).to(device)
         self.gradient_norm = 0.0
 
     @property
