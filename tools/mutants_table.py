@@ -2316,10 +2316,10 @@ TRAINING = (
         "training/test_resume.py::test_a_new_budget_is_the_runs_own_from_then_on",
     ),
     mutant(
-        "budget: a verdict on less training stays",
-        "training/budget.py",
-        "if recipe.progress(step, seconds) < 1:",
-        "if False:",
+        "report: a verdict on a smaller budget says that a run is finished",
+        "report/contents.py",
+        "nearly = timed and (not self.lines or self.progress > NEARLY)",
+        "nearly = True",
         "training/test_resume.py::test_a_new_budget_is_the_runs_own_from_then_on",
     ),
     mutant(

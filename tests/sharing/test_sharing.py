@@ -17,7 +17,7 @@ from unproject.cli import main
 from unproject.report.contents import read_contents
 from unproject.report.sections import commands_section
 from unproject.sharing import example_path, hub, put_example, save_pretrained
-from unproject.sharing.shared import small
+from unproject.sharing.shared import small, without_paths
 from unproject.training import checkpoint
 
 MOST = 3_000_000
@@ -247,3 +247,9 @@ def test_the_page_of_a_shared_run_offers_a_command_that_works(tmp_path: Path) ->
     """It has weights alone, from which `resume` cannot go on."""
     page = commands_section(read_contents(put_example("chairs", tmp_path / "runs")))
     assert "unproject resume" not in page and "unproject train shapes --from" in page
+
+
+def test_no_folder_of_a_command_is_shared_however_it_is_named() -> None:
+    words = ["unproject", "train", "shapes", "--data=/me/secret=1/masks", "--out", "/me/runs/x", "--minutes=3"]
+    kept = without_paths({"command": words})["command"]
+    assert kept == ["unproject", "train", "shapes", "--data=masks", "--out", "x", "--minutes=3"]

@@ -17,14 +17,14 @@ from toy import toy
 from unproject import _files
 from unproject._types import UserError
 from unproject.ops import _builds, _native
-from unproject.training import resume, run_directory, train
+from unproject.training import lock, resume, run_directory, train
 from unproject.training.distribution import Distribution
 from unproject.training.estimate import _left_to_container, available_memory
 from unproject.training.signals import stop_request
 
 
 def test_without_locks_a_run_is_trained_and_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_directory, "fcntl", None)
+    monkeypatch.setattr(lock, "fcntl", None)
     train(toy(steps=1), tmp_path, quiet=True)
     assert resume(tmp_path, toy(steps=2), quiet=True).step == 2
 

@@ -247,9 +247,10 @@ def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path) -> None:
 def test_a_new_budget_is_the_runs_own_from_then_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = tmp_path / "run"
     train(toy(steps=2, checkpoint_every=2), run, quiet=True)
+    run_directory.write_json(run / run_directory.VERDICT, {"step": 2, "word": "good"})
     assert load(run, trust=True).complete and read_contents(run).complete
     with monkeypatch.context() as patch, suppress(Killed):
-        at_call(patch, Trainer, "step", 3, die)
+        at_call(patch, Trainer, "step", 1, die)
         resume(run, steps=8, trust=True, quiet=True)
     assert not load(run, trust=True).complete and not read_contents(run).complete
     resumed = resume(run, trust=True, quiet=True)  # no budget given: it goes on to the new one

@@ -14,6 +14,7 @@ from ..training.checkpoint import list_checkpoints, step_of
 from ..training.run_directory import VERDICT, read_recipe
 
 DAMAGED = "damaged or missing"
+NEARLY = 0.9
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,13 @@ class Contents:
 
     @property
     def complete(self) -> bool:
-        """Whether its budget is spent: a verdict says so, or else the steps or minutes of recipe.json."""
-        return self.verdict is not None or self.progress >= 1
+        """Whether its budget is spent.
+
+        Of minutes the log knows nearly all; a verdict then says so, unless the budget has grown since.
+        """
+        timed = number(self.recipe["resolved"].get("minutes")) is not None
+        nearly = timed and (not self.lines or self.progress > NEARLY)
+        return self.progress >= 1 or (self.verdict is not None and nearly)
 
     @property
     def progress(self) -> float:

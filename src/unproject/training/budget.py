@@ -8,7 +8,7 @@ from typing import Any
 
 from .._files import read_json
 from .recipe import Recipe
-from .run_directory import BUDGET, RESTORE, VERDICT, write_json
+from .run_directory import BUDGET, RESTORE, write_json
 
 
 def progress_of(resolved: Mapping[str, Any], step: int, seconds: float) -> float:
@@ -17,18 +17,17 @@ def progress_of(resolved: Mapping[str, Any], step: int, seconds: float) -> float
     return max(step / steps if steps else 0.0, seconds / (60 * minutes) if minutes else 0.0)
 
 
-def store_budget(path: Path, recipe: Recipe, step: int, seconds: float) -> None:
-    """Write the budget of a run that goes on to its recipe.json, and remove the verdict on less training."""
+def store_budget(path: Path, recipe: Recipe) -> None:
+    """Write the budget of a run that goes on to its recipe.json."""
     file = path / "recipe.json"
     content, budget = read_json(file, RESTORE), {name: getattr(recipe, name) for name in BUDGET}
-    if {name: content["resolved"].get(name) for name in BUDGET} != budget:
-        content["resolved"] |= budget
-        if content.get("function"):  # by which it is built again
-            given = {name: value for name, value in budget.items() if value is not None}
-            content["arguments"] = {k: v for k, v in content["arguments"].items() if k not in BUDGET} | given
-        write_json(file, content)
-    if recipe.progress(step, seconds) < 1:
-        (path / VERDICT).unlink(missing_ok=True)
+    if {name: content["resolved"].get(name) for name in BUDGET} == budget:
+        return
+    content["resolved"] |= budget
+    if content.get("function"):  # by which it is built again
+        given = {name: value for name, value in budget.items() if value is not None}
+        content["arguments"] = {k: v for k, v in content["arguments"].items() if k not in BUDGET} | given
+    write_json(file, content)
 
 
 def _positive(value: object) -> float:

@@ -152,7 +152,7 @@ def resume(
         elif run_directory.read_recipe(path)["start"] is not None:
             raise UserError(f"{path}: was stopped before its first weights were stored; delete it, and train again")
         if distribution.leads:
-            store_budget(path, recipe, state.counters.step, state.counters.seconds)
+            store_budget(path, recipe)
         return _run(recipe, path, state, distribution, quiet, log)
 
 
