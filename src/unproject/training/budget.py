@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from .._files import read_json
-from .recipe import Recipe
+from .recipe import Recipe, part_spent
 from .run_directory import BUDGET, RESTORE, write_json
 
 
 def progress_of(resolved: Mapping[str, Any], step: int, seconds: float) -> float:
-    """Return the part of the budget of recipe.json that is spent: the larger of that of steps and of minutes."""
+    """Return the part of the budget of recipe.json that is spent (`Recipe.progress`), whatever else stands there."""
     steps, minutes = (_positive(resolved.get(name)) for name in BUDGET)
-    return max(step / steps if steps else 0.0, seconds / (60 * minutes) if minutes else 0.0)
+    return part_spent(steps, minutes, step, seconds)
 
 
 def store_budget(path: Path, recipe: Recipe) -> None:

@@ -216,9 +216,7 @@ class Recipe:
 
     def progress(self, step: int, seconds: float) -> float:
         """Return the part of the budget that is spent, 0 to 1."""
-        by_step = step / self.steps if self.steps else 0.0
-        by_time = seconds / (60 * self.minutes) if self.minutes else 0.0
-        return max(by_step, by_time)
+        return part_spent(self.steps, self.minutes, step, seconds)
 
     def steps_until(self, progress: float, step: int, seconds: float) -> int:
         """Return how many steps are left, at `step`, to this part of the budget: with minutes, by the steps so far."""
@@ -245,3 +243,8 @@ class Recipe:
         given = {name: value for name, value in options.items() if name not in ("steps", "minutes")}
         budget = {name: options.get(name) for name in ("steps", "minutes")}
         return self.replace(**given, **(budget if any(v is not None for v in budget.values()) else {}))
+
+
+def part_spent(steps: float | None, minutes: float | None, step: int, seconds: float) -> float:
+    """Return the part of a budget that is spent: the larger of that of its steps and of its minutes."""
+    return max(step / steps if steps else 0.0, seconds / (60 * minutes) if minutes else 0.0)
