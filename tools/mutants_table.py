@@ -2640,8 +2640,8 @@ TRAINING = (
     mutant(
         "fit: lines are read about another center than training's",
         "training/fitted_pictures.py",
-        'read_recipe(opened.path)["arguments"].get("center")',
-        "None",
+        "unit, projection.center)",
+        "unit, None)",
         "cli/test_fit.py::test_lines_about_another_center_are_read_as_training_did",
     ),
     mutant(
@@ -4375,8 +4375,8 @@ PHOTOGRAPHED = (
     mutant(
         "evaluate: pictures of one observation are compared with those of another",
         "training/evaluation.py",
-        "_against(domain, of[name], x, reference, seed)",
-        "_against(domain, assignments[0], x, reference, seed)",
+        "_against(domain, of[name], given, x, seed)",
+        "_against(domain, assignments[0], given, x, seed)",
         "recipes/test_materials.py::test_a_run_is_scored_by_photographs_that_were_held_out",
     ),
     mutant(
@@ -4500,9 +4500,9 @@ PHOTOGRAPHED = (
     ),
     mutant(
         "evaluate: lines about another center",
-        "training/run.py",
-        'recipe.origin.arguments.get("center") if recipe.origin else None',
-        "None",
+        "projections/line_integral.py",
+        "about_middle(y, self.center, ",
+        "about_middle(y, None, ",
         "cli/test_fit.py::test_lines_about_another_center_are_read_as_training_did",
     ),
     mutant(

@@ -14,13 +14,13 @@ from torch import Tensor
 from unproject._types import UserError
 from unproject.data import Collection, inspect
 from unproject.data.measured_lines import (
-    about_middle,
     are_intensities,
     center_of,
     scale_of,
     standardised_lines,
     within_half_turn,
 )
+from unproject.ops.detectors import about_middle
 from unproject.projections.line_integral import LineIntegral, directions
 
 RNG = np.random.default_rng(0)

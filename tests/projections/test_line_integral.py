@@ -62,6 +62,7 @@ def test_a_whole_turn_of_directions() -> None:
     "make",
     [
         lambda: LineIntegral(bins=0),
+        lambda: LineIntegral(center=9).from_measured(torch.zeros(1, 1, 8)),
         lambda: LineIntegral(unit=0.0),
         lambda: LineIntegral(unit=math.nan),
         lambda: directions(0),

@@ -25,14 +25,13 @@ def views_of(collection: Collection, observations: Sequence[Observation]) -> Ten
         UserError: if no latents are known, or those of an item lie in no prior.
     """
     names = observations[0].prior.names
-    first = names[0] if names else "view"
-    if collection.latents is None or first not in collection.latents:
+    inside = _inside(collection, observations)
+    if inside is None:
+        first = names[0] if names else "view"
         raise UserError(
             f"{collection.source}: known views are asked for but none are there; add a views.csv (file,{first} in "
             f"degrees) to a folder or an array `{first}` (radians) to an .npz, or use --views predicted"
         )
-    latents = {name: torch.zeros(len(collection)) for name in names} | collection.latents
-    inside = torch.stack([observation.prior.contains(latents) for observation in observations], 1)
     outside = ~inside.any(1)
     if bool(outside.any()):
         more = "".join(fix for name, fix in FIXES.items() if name in names)
@@ -41,6 +40,21 @@ def views_of(collection: Collection, observations: Sequence[Observation]) -> Ten
             f"bin; leave them out{more}"
         )
     return inside.byte().argmax(1)
+
+
+def views_if_known(collection: Collection, observations: Sequence[Observation]) -> Tensor | None:
+    """Return the same, or None if no latents are known or those of an item lie in no prior."""
+    inside = _inside(collection, observations)
+    return None if inside is None or not bool(inside.any(1).all()) else inside.byte().argmax(1)
+
+
+def _inside(collection: Collection, observations: Sequence[Observation]) -> Tensor | None:
+    """Return (N, K), whether each prior contains an item's known latents; None if its first latent is not known."""
+    names = observations[0].prior.names
+    if collection.latents is None or not names or names[0] not in collection.latents:
+        return None
+    latents = {name: torch.zeros(len(collection)) for name in names} | collection.latents
+    return torch.stack([observation.prior.contains(latents) for observation in observations], 1)
 
 
 def by_view(collection: Collection, observations: Sequence[Observation]) -> tuple[list[Observation], list[Collection]]:

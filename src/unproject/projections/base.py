@@ -61,6 +61,10 @@ class Projection:
         """Return a picture as this projection would have made it: what it does to all its pictures, done to y."""
         return y
 
+    def from_measured(self, y: Tensor) -> Tensor:
+        """Return measured pictures (N, ...) in the unit in which, and about the middle about which, this makes them."""
+        return y
+
     @property
     def latents(self) -> tuple[str, ...]:
         """Names of the latent parameters: the keyword-only parameters of `forward`, less the optional ones."""

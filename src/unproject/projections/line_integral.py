@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
+from ..ops.detectors import about_middle
 from ..ops.line_integrals import strip_integrals, strip_integrals_native
 from .base import Projection
 from .observation import Observation
@@ -27,8 +28,8 @@ class LineIntegral(Projection):
 
     Attributes:
         bins: number of detectors (default: the width of the image in pixels).
-        unit: what a line integral of 1 is in the unit of readings that were measured: they are divided by it to be
-            compared with projections, which it does not change.
+        unit: what a line integral of 1 is in the unit of readings that were measured (`from_measured`).
+        center: the detector of these, counted from 0, that the axis of rotation projects to (default: the middle).
         fast: visit only the detectors that a pixel projects to (`ops.line_integrals`): same values, faster.
 
     Raises:
@@ -46,6 +47,7 @@ class LineIntegral(Projection):
     bins: int | None = None
     fast: bool = True
     unit: float = field(default=1.0, metadata={"described": False})
+    center: float | None = field(default=None, metadata={"described": False})
     linear: ClassVar[bool] = True
     example_shape: ClassVar[tuple[int, ...]] = (1, 8, 8)
 
@@ -70,6 +72,14 @@ class LineIntegral(Projection):
             native = self.fast and x.device.type == "cpu" and not angle.requires_grad
             project = strip_integrals_native if native else strip_integrals
             return project(x, angle.to(x), self.bins or x.shape[3])
+
+    def from_measured(self, y: Tensor) -> Tensor:
+        """Return readings (N, C, D) divided by `unit`, with `center` in their middle.
+
+        Raises:
+            UserError: if `center` is not among the detectors.
+        """
+        return about_middle(y, self.center, "lines") / self.unit
 
 
 def directions(

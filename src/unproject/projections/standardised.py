@@ -55,6 +55,9 @@ class Standardised(Projection):
     def forward(self, x: Tensor, **latents: Tensor) -> Tensor:
         return self.standardise(self.projection(x, **latents))
 
+    def from_measured(self, y: Tensor) -> Tensor:
+        return self.standardise(self.projection.from_measured(y))
+
     def standardise(self, y: Tensor) -> Tensor:
         """Return ½ + ¼ (y - mean) / deviation."""
         mean, deviation = (y.new_tensor(values)[:, None, None] for values in (self.mean, self.deviation))

@@ -222,7 +222,7 @@ def source_of(data: Path | None, views: Views, scan: Scan) -> Source:
             raise UserError(f"{data}: direct training needs images, and this holds line integrals; use other --views")
         scale = scale_of(found)
         found = standardised_lines(found, scan.bins, scale, scan.center)
-        return Source(found, LineIntegral(found.shape[1], unit=scale), True)
+        return Source(found, LineIntegral(found.shape[1], unit=scale, center=scan.center), True)
     if scan.center is not None:
         raise UserError(f"{data or 'digits'}: center={scan.center:g} is of measured lines; leave it out for images")
     return Source(found, LineIntegral(scan.size), False)

@@ -11,11 +11,10 @@ from torch import Tensor
 from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..assignment import AssignmentState, Panel, PredictorFit
-from ..data.measured_lines import about_middle
+from ..assignment.views import views_if_known
 from ..domains import Domain
 from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
-from ..projections import LineIntegral, Projection, Standardised
 from .fitting import by_name, of_different_kinds
 
 LEAST = 6
@@ -30,32 +29,27 @@ def sample_scores(
     reference: Tensor,
     n: int,
     seed: int = 0,
-    center: float | None = None,
 ) -> dict[str, Score]:
     """Score n samples by themselves, and against references or their projections against projections.
-
-    Args:
-        center: of measured lines, the detector that the axis of rotation projects to (default: the middle).
 
     Raises:
         UserError: if the references have the shape of neither, or of the pictures of several panels.
     """
     x = generator.sample(n, seed)
     reference = domain.comparable(reference, x)
-    if reference.dim() == 3:
-        reference = about_middle(reference, center, "the references")
     if reference.shape[1:] == x.shape[1:]:
         return domain.scores(x, reference, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
-    fitting = [state for state in of_different_kinds(assignments) if state.panel.shape == tuple(reference.shape[1:])]
+    kinds = of_different_kinds(assignments)
+    fitting = [(state, given) for state in kinds if (given := _as_trained(state.panel, reference)) is not None]
     if not fitting:
         shapes = ", ".join(str(tuple(shape)) for shape in (x.shape[1:], *(state.panel.shape for state in assignments)))
         raise UserError(
             f"the references are of shape {tuple(reference.shape[1:])}; give samples or projections, of shape {shapes}"
         )
     if len(fitting) > 1:
-        names = ", ".join(state.panel.observations[0].name for state in fitting)
+        names = ", ".join(state.panel.observations[0].name for state, _ in fitting)
         raise UserError(f"the references may be pictures of any of {names}; give samples")
-    return _against(domain, fitting[0], x, reference, seed) | domain.checks(x, seed)
+    return _against(domain, *fitting[0], x, seed) | domain.checks(x, seed)
 
 
 @torch.no_grad()
@@ -78,28 +72,25 @@ def observed_scores(
     for name, reference in references.items():
         if name not in of:
             raise UserError(f"the run has no observation {name!r}; give pictures of {', '.join(of)}")
-        if reference.shape[1:] != of[name].panel.shape:
-            given, wanted = tuple(reference.shape[1:]), tuple(of[name].panel.shape)
-            raise UserError(f"the references of {name} are of shape {given}; give pictures of shape {wanted}")
-        scores |= {f"{key}_{name}": score for key, score in _against(domain, of[name], x, reference, seed).items()}
+        given = _as_trained(of[name].panel, reference)
+        if given is None:
+            shape, wanted = tuple(reference.shape[1:]), tuple(of[name].panel.shape)
+            raise UserError(f"the references of {name} are of shape {shape}; give pictures of shape {wanted}")
+        scores |= {f"{key}_{name}": score for key, score in _against(domain, of[name], given, x, seed).items()}
     return scores
 
 
-def _against(domain: Domain, state: AssignmentState, x: Tensor, reference: Tensor, seed: int) -> dict[str, Score]:
-    """Score projections of samples against pictures as they are read."""
-    projection = state.panel.projection
-    given = as_trained(projection, reference)
-    seen = projected(state, x, seed)
-    return domain.projection_scores(seen, projection.prepare(given), seed, projection.silhouettes)
+def _as_trained(panel: Panel, pictures: Tensor) -> Tensor | None:
+    """Return pictures as they were measured, (N, ...), as a panel has them; None if they are of another shape."""
+    if pictures.shape[1:-1] != panel.shape[:-1]:
+        return None
+    given = panel.projection.from_measured(pictures)  # of lines the number of detectors may change
+    return panel.projection.prepare(given) if given.shape[1:] == panel.shape else None
 
 
-def as_trained(projection: Projection, pictures: Tensor) -> Tensor:
-    """Return pictures as they are read in the unit in which a panel of this projection has them."""
-    if isinstance(projection, Standardised):
-        return projection.standardise(pictures)
-    if isinstance(projection, LineIntegral):
-        return pictures / projection.unit
-    return pictures
+def _against(domain: Domain, state: AssignmentState, pictures: Tensor, x: Tensor, seed: int) -> dict[str, Score]:
+    """Score projections of samples against pictures."""
+    return domain.projection_scores(projected(state, x, seed), pictures, seed, state.panel.projection.silhouettes)
 
 
 @torch.no_grad()
@@ -174,13 +165,8 @@ def turns_of(domain: Domain, assignments: Sequence[AssignmentState]) -> int | No
 
 
 def true_views(panel: Panel) -> Tensor | None:
-    """Return (N,) the observation whose prior contains the known latents of each image; None if they are not known."""
-    latents, names = panel.collections[0].latents, panel.observations[0].prior.names
-    if len(panel.collections) > 1 or latents is None or not names or names[0] not in latents:
-        return None
-    known = {name: torch.zeros(len(panel)) for name in names} | latents
-    inside = torch.stack([observation.prior.contains(known) for observation in panel.observations], 1)
-    return inside.byte().argmax(1) if bool(inside.any(1).all()) else None
+    """Return (N,) the observation that made each image of a panel's only collection; None if that is not known."""
+    return views_if_known(panel.collections[0], panel.observations) if len(panel.collections) == 1 else None
 
 
 def supervised_ceiling(

@@ -26,8 +26,7 @@ from ..inversion.novelty import combined
 from ..metrics import Gauge
 from ..ops.maps import COLOURED
 from ..projections import FramedSilhouette, LineIntegral, Projection, Rendering, Selection, Silhouette, Standardised
-from .evaluation import accuracy_of, as_trained, estimated_and_true, turns_of
-from .run_directory import read_recipe
+from .evaluation import accuracy_of, estimated_and_true, turns_of
 
 if TYPE_CHECKING:
     from .run import Run
@@ -83,9 +82,9 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         files = required_pictures(paths[0], MATERIALS) if paths[0].is_dir() else list(paths)
         name = inner.map if isinstance(inner, Selection) else "photograph"
         found = read_photographs(files, size, name, coloured=sample.shape[1] == COLOURED)
-        return Collection(as_trained(projection, found.floats()), names=found.names)
+        return Collection(projection.from_measured(found.floats()), names=found.names)
     if isinstance(inner, LineIntegral):
-        return _observed_lines(opened, paths[0], viewing, unit_of(inner) if scale is None else scale)
+        return _observed_lines(paths[0], inner, len(viewing.priors), inner.unit if scale is None else scale)
     if not projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
@@ -100,10 +99,9 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     return mapped(found, projection.prepare)
 
 
-def _observed_lines(opened: Run, path: Path, viewing: Viewing, unit: float) -> Collection:
+def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:
     """Return line integrals as training took them, divided by `unit`."""
-    center = read_recipe(opened.path)["arguments"].get("center")
-    found = standardised_lines(Collection.lines(path), max(len(viewing.priors), 1), unit, center)
+    found = standardised_lines(Collection.lines(path), max(bins, 1), unit, projection.center)
     largest = found.floats().max().item()
     if not FAINT < largest < BRIGHT:
         warnings.warn(f"{path}: {ANOTHER_UNIT.format(unit, largest)}", stacklevel=3)

@@ -169,9 +169,7 @@ class Run:
             return self_checks(self.generator, self.domain, states, count, seed) | views
         if isinstance(reference, Mapping):
             return observed_scores(self.generator, self.domain, states, reference, count, seed) | views
-        items = as_floats(reference)
-        center = recipe.origin.arguments.get("center") if recipe.origin else None
-        return sample_scores(self.generator, self.domain, states, items, count, seed, center) | views
+        return sample_scores(self.generator, self.domain, states, as_floats(reference), count, seed) | views
 
     def verdict(self, *, seed: int = 0, recipe: Recipe | None = None, trust: bool = False) -> Verdict:
         """Judge the run by a few dozen samples: whether views are found, projections match pictures, and so on.
