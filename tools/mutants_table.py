@@ -3620,7 +3620,7 @@ ANY_CLASS = (
     mutant(
         "latents: never updated",
         "training/state.py",
-        "self.assignment.learned.update(average_gradients)",
+        "self.assignment.learned.update(processes)",
         "pass",
         "training/test_learned_latents.py::test_training_moves_them",
     ),

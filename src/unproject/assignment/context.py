@@ -6,9 +6,21 @@ from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..networks import Generator
+
+
+class Processes(Protocol):
+    """The processes that train together, or one alone."""
+
+    def average_gradients(self, module: nn.Module) -> None:
+        """Replace each gradient by its mean over the processes."""
+        ...
+
+    def mean(self, values: Tensor) -> Tensor:
+        """Return the mean of a tensor over the processes."""
+        ...
 
 
 class Context(Protocol):

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -30,7 +29,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
-from .context import Context
+from .context import Context, Processes
 from .panel import Panel
 from .predicted import Predicted, PredictedState
 from .responsibilities import uniform_views
@@ -133,9 +132,9 @@ class JointlyPredictedState(PredictedState):
         self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)
         return loss
 
-    def update(self, average_gradients: Callable[[torch.nn.Module], None]) -> None:
-        average_gradients(self.trained)
-        self.of_fakes.copy_(_averaged(self.of_fakes, average_gradients))  # else w would differ between processes
+    def update(self, processes: Processes) -> None:
+        processes.average_gradients(self.trained)
+        self.of_fakes.copy_(processes.mean(self.of_fakes))  # else w would differ between processes
         self.online.step()
         self.online.zero_grad()
         with torch.no_grad():
@@ -178,12 +177,3 @@ class JointlyPredictedState(PredictedState):
             "view_information": round(float(self.of_fakes), 4),
             "view_information_of_data": round(float(self.of_data), 4),
         }
-
-
-def _averaged(value: Tensor, average_gradients: Callable[[torch.nn.Module], None]) -> Tensor:
-    """Return the mean of a number over the processes, which average gradients."""
-    holder = torch.nn.ParameterList([torch.nn.Parameter(torch.zeros_like(value))])
-    holder[0].grad = value.clone()
-    average_gradients(holder)
-    assert holder[0].grad is not None
-    return holder[0].grad

@@ -11,7 +11,7 @@ References:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
+from .context import Processes
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,9 @@ class LearnedLatents(nn.Module):
         """Return n draws of each latent that is learned by now: name → (n,)."""
         return {one.name: one.draw(m, s, n, rng) for one, m, s in self._own()}
 
-    def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
+    def update(self, processes: Processes) -> None:
         """Take a step of Adam after the backward pass of the generator's loss."""
-        average_gradients(self)
+        processes.average_gradients(self)
         self.adam.step()
         self.adam.zero_grad()
 

@@ -23,6 +23,7 @@ import torch
 from torch import Tensor, nn
 
 from .._types import UserError
+from .context import Processes
 from .panel import Assignment, AssignmentState, Panel
 from .responsibilities import uniform_views
 from .views import shared_collection
@@ -101,8 +102,8 @@ class LearnedPriorState(AssignmentState):
         p = self.shares
         return self.settings.entropy_weight * (p * (p * len(p)).clamp_min(1e-12).log()).sum()
 
-    def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
-        average_gradients(self)
+    def update(self, processes: Processes) -> None:
+        processes.average_gradients(self)
         self.adam.step()
         self.adam.zero_grad()
 

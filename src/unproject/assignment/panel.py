@@ -14,7 +14,7 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from .._random import rows_of_all, shared_draws
 from .._types import UserError
@@ -25,7 +25,7 @@ from ..projections.observation import Observation, exact
 from ..projections.priors import sample_each
 from .assigned import Assigned, smallest
 from .checks import check_panel
-from .context import Context
+from .context import Context, Processes
 from .learned_latents import LearnedLatent, LearnedLatents
 from .views import views_of
 
@@ -225,7 +225,7 @@ class AssignmentState(Assigned):
         """
         return 0.0
 
-    def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
+    def update(self, processes: Processes) -> None:
         """Update own parameters after the backward pass of the generator's loss."""
 
     def optimisers(self) -> dict[str, torch.optim.Adam]:

@@ -95,13 +95,13 @@ def jointly_predicted(
     rounds: int,
     balance: float,
     information: float,
-    mirrored: tuple[int, ...] | Literal[False] = False,
+    mirrored: tuple[int, ...] | None = None,
     initialiser: Initialiser | None = None,
     window: int | None = None,
 ) -> JointlyPredicted:
     """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along."""
     drawn = frequent_rounds(rounds, balance, start=0.01)
-    fit, estimator = replace(drawn.fit, mirrored=mirrored or None), replace(drawn.estimator, window=window)
+    fit, estimator = replace(drawn.fit, mirrored=mirrored), replace(drawn.estimator, window=window)
     return JointlyPredicted(drawn.rounds, fit, estimator, initialiser, weight=information)
 
 

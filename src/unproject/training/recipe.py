@@ -163,6 +163,12 @@ class Recipe:
         if isinstance(self.panels, Panel):
             raise UserError("panels: give a list of panels, [panel] if there is one")
         object.__setattr__(self, "panels", tuple(self.panels))
+        self._check_parts()
+        self._check_numbers()
+        self._check_budget()
+
+    def _check_parts(self) -> None:
+        """Raise UserError for parts that are none, or do not go together."""
         for name in ("generator", "discriminator"):
             if isinstance(getattr(self, name), nn.Module):
                 raise UserError(f"{name}: is built for each run anew; give the class, or functools.partial of it")
@@ -172,9 +178,18 @@ class Recipe:
             raise UserError(f"domain={self.domain!r}: give a Domain, such as up.Images()")
         if not self.panels:
             raise UserError("the recipe has no panels: give at least one Panel(observations, data)")
+        adaptive = self.augmentation is not None and self.augmentation.adaptive
+        if adaptive and any(panel.held_out is None for panel in self.panels):
+            raise UserError(
+                "the augmentation follows the overfitting, which is measured on held-out images: give each panel some, "
+                "Panel(..., held_out=...); Collection.split makes them"
+            )
         for name, choices in (("precision", ("float32", "bfloat16")), ("normalise_over", (None, "processes"))):
             if getattr(self, name) not in choices:
                 raise UserError(f"{name}={getattr(self, name)!r}: choose from {', '.join(map(str, choices))}")
+
+    def _check_numbers(self) -> None:
+        """Raise UserError for numbers that cannot be."""
         for name in ("batch", "views_per_sample", "discriminator_steps", "checkpoint_every"):
             if getattr(self, name) < 1:
                 raise UserError(f"{name}={getattr(self, name)}: must be at least 1")
@@ -187,19 +202,13 @@ class Recipe:
         least = max(panel.assignment.least_batch for panel in self.panels)
         if self.batch < least:
             raise UserError(f"batch={self.batch}: the assignment of its panels needs at least {least}")
+
+    def _check_budget(self) -> None:
+        """Raise UserError unless there is a budget, of numbers that can be."""
         for name in ("steps", "minutes"):
             value = getattr(self, name)
             if value is not None and not (value > 0 and math.isfinite(value)):
                 raise UserError(f"{name}={value}: must be positive")
-        if (
-            self.augmentation is not None
-            and self.augmentation.adaptive
-            and any(p.held_out is None for p in self.panels)
-        ):
-            raise UserError(
-                "the augmentation follows the overfitting, which is measured on held-out images: give each panel some, "
-                "Panel(..., held_out=...); Collection.split makes them"
-            )
         if self.steps is None and self.minutes is None:
             raise UserError("the recipe has no budget: give steps or minutes")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from .._types import UserError
 from ..adversarial.augmentation import AugmentationState
 from ..adversarial.matching import MatchingState
 from ..assignment import AssignmentState, Panel
+from ..assignment.context import Processes
 from ..data.sampling import batch_rows, spread_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
@@ -62,11 +63,11 @@ class PanelState:
         """The factor of the recipe's gradient penalty as of now."""
         return self.panel.penalty_scale * (self.augmentation.penalty_scale if self.augmentation else 1.0)
 
-    def update(self, average_gradients: Callable[[nn.Module], None]) -> None:
+    def update(self, processes: Processes) -> None:
         """Update what the panel learns itself, after the backward pass of the generator's loss."""
-        self.assignment.update(average_gradients)
+        self.assignment.update(processes)
         if self.assignment.learned is not None:
-            self.assignment.learned.update(average_gradients)
+            self.assignment.learned.update(processes)
 
     def log(self) -> dict[str, Any]:
         """Return fields for the lines of the log."""

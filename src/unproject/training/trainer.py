@@ -200,7 +200,7 @@ class Trainer:
                 extra = extra + batch.panel.assignment.loss(batch.fake, batch.rows, progress)
         self._apply(state.generator, state.generator_optimiser, loss + extra)
         for panel in state.panels:
-            panel.update(self.distribution.average_gradients)
+            panel.update(self.distribution)
         return total
 
     def _apply(self, module: torch.nn.Module, optimiser: torch.optim.Optimizer, loss: Tensor) -> None:
