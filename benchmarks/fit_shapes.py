@@ -5,12 +5,15 @@
 RESULTS are those of any_class.py: its runs on cropped silhouettes (CLASS-cropped-0) are given one cropped silhouette
 of each of n held-out shapes, at an unknown azimuth; its runs with known views (CLASS-known-0) four silhouettes as they
 are, at known azimuths. Scores are the mean IoU with the true shape at 32³, all at one size, in that one of four turns
-that is best for all shapes of a column together (the gauge of a run is free; training shapes need none):
+that is best for all shapes of a column together (the gauge of a run is free; training shapes need none), and their
+standard errors. COLUMN_new are those of shapes of which there is no copy among the training shapes (IoU above 0.9), as
+there is of some in ModelNet; COLUMN_hull those of visual hulls, which are all that level silhouettes tell of a shape:
 
     fit       the best explanation, and the mean of all by weight at ½
     sample    the best of 512 samples by the distance of silhouettes, over 64 azimuths (or those known)
     nearest   the nearest training shape in the same way
     hull      of the silhouettes, of known views
+    copied    the share of shapes of which there are copies
     kind      the share of silhouettes that are called of another kind, of this class and of birds
 
 A line of JSON a class and form is written to OUT/results.jsonl, a line that is there is left out.
@@ -33,10 +36,12 @@ from torch import Tensor
 
 import unproject as up
 from unproject.inversion import DOUBTFUL, Search, Viewing
-from unproject.ops import unit_sized
+from unproject.ops import unit_sized, visual_hull
 from unproject.training.fitting import novelty_of
 
 VIEWS, GRID = 4, 64
+COPY = 0.9
+"""IoU above which a training shape is a copy."""
 
 
 def halved(volumes: Tensor) -> Tensor:
@@ -44,14 +49,30 @@ def halved(volumes: Tensor) -> Tensor:
     return F.avg_pool3d(volumes.float()[:, None], 2)[:, 0]
 
 
-def iou(found: Tensor, true: Tensor, turns: Sequence[int]) -> float:
-    """Return the mean IoU at ½, all at one size, in the best of the turns about the vertical axis."""
+def ious(found: Tensor, true: Tensor, turns: Sequence[int]) -> Tensor:
+    """Return (N,) the IoU at ½, all at one size, in the turn about the vertical axis that is best for their mean."""
     a, b = unit_sized(found.float()), unit_sized(true) > 0.5
     scores = []
     for turn in turns:
         solid = torch.rot90(a, turn, (1, 3)) > 0.5
-        scores.append((((solid & b).flatten(1).sum(1)) / (solid | b).flatten(1).sum(1).clamp_min(1)).mean().item())
-    return max(scores)
+        scores.append((solid & b).flatten(1).sum(1) / (solid | b).flatten(1).sum(1).clamp_min(1))
+    return max(scores, key=lambda score: score.mean().item())
+
+
+def are_copied(true: Tensor, shapes: Tensor) -> Tensor:
+    """Return (N,) whether a training shape is nearly the same."""
+    a, b = (unit_sized(x).flatten(1) > 0.5 for x in (true, shapes))
+    both = a.float() @ b.float().T
+    return (both / (a.sum(1)[:, None] + b.sum(1) - both).clamp_min(1)).amax(1) > COPY
+
+
+def column(name: str, found: Tensor, true: Tensor, turns: Sequence[int], copied: Tensor) -> dict[str, float]:
+    """Return the scores of a column: of all shapes and of those without copies, as they are and as hulls."""
+    solid, whole = (visual_hull((unit_sized(x.float()) > 0.5).float()) for x in (found, true))
+    of = {name: ious(found, true, turns), f"{name}_hull": ious(solid, whole, turns)}
+    of |= {f"{key}_new": scores[~copied] for key, scores in of.items()}
+    errors = {f"{key}_error": (scores.std() / math.sqrt(len(scores))).item() for key, scores in of.items()}
+    return {key: scores.mean().item() for key, scores in of.items()} | errors
 
 
 def pictures_of(volumes: Tensor, azimuth: Tensor) -> Tensor:
@@ -112,16 +133,22 @@ def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
     samples, shapes = run.sample(512, seed=11), halved(train)
     turns = range(4) if form == "cropped" else (0,)
     best = nearest(samples, fitter.viewing, pictures, known)
-    row: dict[str, object] = {
-        "fit": iou(torch.stack([fit.x[0] for fit in fits]), true, turns),
-        "mean": iou(torch.stack([fit.mean for fit in fits]), true, turns),
-        "sample": iou(samples[best], true, turns),
-        "nearest": iou(shapes[nearest(shapes, fitter.viewing, pictures, known)], true, (0,)),
-        "distance": float(np.mean([fit.error for fit in fits])),
-        "seconds": seconds,
+    copied = are_copied(true, shapes)
+    columns = {
+        "fit": (torch.stack([fit.x[0] for fit in fits]), turns),
+        "mean": (torch.stack([fit.mean for fit in fits]), turns),
+        "sample": (samples[best], turns),
+        "nearest": (shapes[nearest(shapes, fitter.viewing, pictures, known)], (0,)),
     }
     if known is not None:
-        row["hull"] = iou(hulls(pictures, known), true, (0,))
+        columns["hull"] = (hulls(pictures, known), (0,))
+    row: dict[str, object] = {
+        "distance": float(np.mean([fit.error for fit in fits])),
+        "seconds": seconds,
+        "copied": copied.float().mean().item(),
+    }
+    for key, (found, turned) in columns.items():
+        row |= column(key, found, true, turned, copied)
     return {
         "class": name,
         "form": form,
@@ -140,6 +167,7 @@ def of_another_kind(
     with np.load(args.data / "silhouettes" / "bird_cub_aves_64.npz") as arrays:
         birds = viewing.projection.prepare(torch.from_numpy(arrays["sil"]).float().clamp(0, 1)[:, None])
     novelty = novelty_of(run.assignments(run.recipe())[0], viewing)
+    assert novelty is not None  # there is more than one picture
     own, others = (novelty.p_values(y) < DOUBTFUL for y in (pictures[:, 0], birds))
     return {"kind": own.float().mean().item(), "kind_birds": others.float().mean().item()}
 

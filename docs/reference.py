@@ -26,7 +26,7 @@ from sphinx.pycode import ModuleAnalyzer
 import unproject
 from unproject.cli import VERBS, main
 
-MODULES = ("training", *unproject._SUBMODULES)
+MODULES = unproject._SUBMODULES
 TYPES = {
     "adversarial": ("adaptive.AdaptiveState",),
     "assignment": ("assigned.Assigned", "unassigned.UnassignedState", "mean_shape.Fitted"),

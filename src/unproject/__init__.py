@@ -96,6 +96,7 @@ _SUBMODULES = (
     "report",
     "sharing",
     "testing",
+    "training",
 )
 
 __all__ = [*_HOME, *_SUBMODULES]  # pyright: ignore[reportUnsupportedDunderAll]
@@ -131,6 +132,7 @@ if TYPE_CHECKING:
     from . import report as report
     from . import sharing as sharing
     from . import testing as testing
+    from . import training as training
     from ._types import UserError as UserError
     from .adversarial.adaptive import Adaptive as Adaptive
     from .adversarial.augmentation import Affine as Affine

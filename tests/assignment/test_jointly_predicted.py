@@ -48,8 +48,19 @@ def same(count: Any, other: Any) -> bool:
     return all(torch.equal(a, b) for a, b in zip(count, other, strict=True))
 
 
-def average(_: torch.nn.Module) -> None:
-    """One process has nothing to average."""
+class Alone:
+    """The only process: what it averages is noted, and stays as it is."""
+
+    def __init__(self) -> None:
+        self.averaged: list[torch.nn.Module] = []
+        self.means: list[Tensor] = []
+
+    def average_gradients(self, module: torch.nn.Module) -> None:
+        self.averaged.append(module)
+
+    def mean(self, values: Tensor) -> Tensor:
+        self.means.append(values)
+        return values
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
@@ -77,7 +88,7 @@ def test_a_predictor_that_steers_nothing_still_learns() -> None:
         loss = state.loss(fake, rows, 0.0)
         losses.append(loss.item())
         loss.backward()
-        state.update(average)
+        state.update(Alone())
     assert losses[-1] < 0.3 * losses[0]
     assert fake.grad is not None and not fake.grad.any()
 
@@ -87,11 +98,11 @@ def test_an_update_is_a_step_of_averaged_gradients() -> None:
     state, (fake, rows) = begun(rate=0.01), fakes()
     before = [p.detach().clone() for p in state.predictor.parameters()]
     state.loss(fake, rows, 0.0).backward()
-    seen: list[torch.nn.Module] = []
-    state.update(lambda module: seen.append(module))
-    averaged, _ = seen  # and what the information of projections is averaged by
+    processes = Alone()
+    state.update(processes)
     parameters = list(state.trained.parameters())
-    assert {id(p) for p in parameters} <= {id(p) for p in averaged.parameters()}
+    assert [*map(id, processes.averaged)] == [id(state.trained)]
+    assert [*map(id, processes.means)] == [id(state.of_fakes)]
     assert max(float((p - q).detach().abs().max()) for p, q in zip(parameters, before)) == pytest.approx(0.01, rel=1e-3)
     assert all(p.grad is None or not p.grad.any() for p in parameters)
 
@@ -102,7 +113,7 @@ def test_images_are_assigned_by_the_average_of_predictors() -> None:
     mean = {name: value.double().clone() for name, value in state.predictor.state_dict().items()}
     for _ in range(3):
         state.loss(fake, rows, 0.0).backward()
-        state.update(average)
+        state.update(Alone())
         for name, new in state.trained.state_dict().items():
             mean[name] = (
                 new.double() if new.dtype == torch.int64 else mean[name] + AVERAGED * (new.double() - mean[name])

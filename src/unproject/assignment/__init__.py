@@ -7,7 +7,7 @@
 `Assignment`.
 """
 
-from .context import Context
+from .context import Context, Processes
 from .gaussian import GaussianInitialiser
 from .jointly_predicted import JointlyPredicted, JointlyPredictedState
 from .learned_latents import LearnedLatent, LearnedLatents
@@ -42,6 +42,7 @@ __all__ = [
     "PredictingSettings",
     "PredictingState",
     "PredictorFit",
+    "Processes",
     "Rounds",
     "Unassigned",
     "by_view",

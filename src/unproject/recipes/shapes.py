@@ -117,9 +117,8 @@ def shapes(
     collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     symmetry = mirror_of(mirror, views, collection)
     first = MeanShapeInitialiser(mirror=bool(symmetry), balance=balance) if init_views else None
-    mirrored = mirrored_views(bins, bands or 1) if symmetry else None
-    joint = jointly_predicted(rounds, balance, information, mirrored, first)
-    panel = split_panel(views, bands, observations, collection, joint, seed if augment else None, flips)
+    how = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands or 1) if symmetry else None, first)
+    panel = split_panel(views, bands, observations, collection, how, seed if augment else None, flips)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if views == "direct" else density),
         discriminator=discriminator_of(views == "direct"),
