@@ -342,6 +342,12 @@ def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path)
     assert Path(told.value.path()).read_bytes()[:4] == b"glTF"
     tab.page.reload()
     tab.until("What was found")
+    fit = tab.page.url
+    tab.page.click("text=Take one of its own pictures")
+    tab.page.wait_for_function("before => location.href !== before", arg=fit, timeout=PATIENCE)
+    tab.until("Done in")
+    assert not tab.page.is_visible("#trouble"), tab.page.text_content("#trouble")
+    assert "seat.png" not in tab.page.inner_text(".fitter")
 
 
 def test_a_fit_is_followed_on_after_an_answer_that_was_lost(tab: Tab, tmp_path: Path) -> None:

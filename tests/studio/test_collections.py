@@ -123,8 +123,6 @@ def test_volumes_are_shown(tmp_path: Path, said: Said) -> None:
     assert main(["train", "shapes", *flags.split(), "--out", str(tmp_path / "direct")]) == 0
     status, part = said(State(tmp_path), "/api/pictures", run="direct")
     assert status == 200 and part["pictures"][0]["picture"].startswith("data:image/webp")
-    status, found = said(State(tmp_path), "/api/mask", run="direct")
-    assert status == 400 and "no silhouettes" in found["error"]
 
 
 def test_a_run_made_anew_is_read_anew(runs: Path, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:

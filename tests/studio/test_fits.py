@@ -218,11 +218,38 @@ def test_an_unknown_format_is_refused(shapes: State, said: Said) -> None:
     assert status == 400 and "choose from" in found["error"]
 
 
-def test_a_mask_of_the_run_can_be_dropped_again(shapes: State, said: Said, fast: None) -> None:
-    name, content = file_of(shapes, "/api/mask", run="chairs", number=7)
-    with Image.open(io.BytesIO(content)) as picture:
-        assert name.endswith(".png") and picture.mode == "L"
-    assert ended(shapes, said, begun(shapes, said, content, name))["stage"] == "done"
+def test_a_picture_of_the_run_is_explained(shapes: State, said: Said, fast: None) -> None:
+    """One that was held out, and by itself: there are others of the same chair."""
+    fit = begun(shapes, said, b"", "", own=7)
+    found = ended(shapes, said, fit)
+    held_out = shapes.opened("chairs").recipe().panels[0].held_out
+    assert held_out is not None and found["stage"] == "done" and found["name"] == held_out.names[7]
+    explanation: Any = shapes.kept(("fit", fit), lambda: None, 1)
+    assert torch.equal(explanation.pictures, held_out.floats()[7:8])
+
+
+def test_all_lines_of_an_image_of_the_run_are_explained(
+    tmp_path: Path, said: Said, fast: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With their angles; and a panel of anchors is of no other kind, so that none is asked for."""
+    lines = tmp_path / "scan.npz"
+    np.savez(lines, sinograms=np.random.default_rng(0).random((12, 16, 3)) / 2, angle=np.array([0.0, 1.0, 2.0]))
+    flags = "--bins 3 --channels 16 --batch 4 --steps 2 --quiet"
+    for name, more in (("known", []), ("anchored", ["--views", "predicted", "--anchors", str(lines)])):
+        words = ["train", "digits", "--data", str(lines), *flags.split(), *more, "--out", str(tmp_path / "runs" / name)]
+        assert main(words) == 0
+    state, read = State(tmp_path / "runs"), explaining._read
+    given: list[Any] = []
+    monkeypatch.setattr(explaining, "_read", lambda *of: given.append(read(*of)) or given[-1])
+    found = ended(state, said, begun(state, said, b"", "", run="known", own=4))
+    assert (
+        found["stage"] == "done"
+        and len(given[0]) == 3
+        and len({name.partition("#")[0] for name in given[0].names}) == 1
+    )
+    assert given[0].latents["angle"].tolist() == pytest.approx([0, 1, 2], abs=1e-5)
+    for name in ("known", "anchored"):
+        assert said(state, "/api/kinds", run=name)[1]["observations"] == []
 
 
 def test_the_report_is_stored_never_shown(shapes: State) -> None:

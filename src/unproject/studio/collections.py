@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from PIL import Image
 from torch import Tensor
 
 from .._files import atomic_path
@@ -143,24 +142,6 @@ def show_pictures(state: State, request: Request) -> Answer:
         return {"total": len(rows), "page": PAGE, "pictures": found}
 
     return of_json(state.compute(page))
-
-
-def show_mask(state: State, request: Request) -> Answer:
-    """Answer with one silhouette, a held-out one if there are such, as a file that can be dropped."""
-
-    def file() -> Answer:
-        _, chosen = _of(state, request)
-        count, total = len(chosen.state.panel), len(chosen.names)
-        first = count if total > count else 0
-        row = first + request.whole("number", 0, 0, 10**6) % (total - first)
-        y = chosen.picture(row)[0]
-        if y.dim() != 3 or len(y) != 1:
-            raise UserError("the pictures of this run are no silhouettes; drop one of your own")
-        content = io.BytesIO()
-        Image.fromarray((y[0] * 255).round().byte().numpy()).save(content, "PNG")
-        return attachment(content.getvalue(), f"{Path(chosen.names[row]).stem}.png")
-
-    return state.compute(file)
 
 
 def _entry(chosen: Sorted, row: int, view: int, corrected: dict[str, int]) -> dict[str, Any]:

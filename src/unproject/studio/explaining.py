@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..assignment import AssignmentState
+from ..assignment import AssignmentState, Panel
 from ..data import Collection
 from ..inversion import Fit, Fitter, Novelty, Search, Viewing
 from ..training import Run
@@ -52,6 +53,7 @@ class Asked:
         view: degrees, with commas; "" if it is not known.
         search: a name of `SEARCHES`.
         novelty: compare it with pictures of training.
+        own: the number of a picture of the run's own that is meant in place of a file, if there is one.
     """
 
     run: str
@@ -61,6 +63,12 @@ class Asked:
     view: str = ""
     search: str = "quick"
     novelty: bool = True
+    own: int | None = None
+
+    @property
+    def framed(self) -> bool:
+        """Whether it is framed as it is read: pictures are, not those of the run or of an .npz."""
+        return self.own is None and Path(self.name).suffix.lower() != ".npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +85,9 @@ class Means:
         """Return what reads and explains pictures of one kind."""
         states = run.assignments(run.recipe())
         state = state_of(states, asked.observation)
-        viewing = framed_viewing(viewing_of(state, asked.observation), [Path(asked.name)])
+        viewing = viewing_of(state, asked.observation)
+        if asked.framed:
+            viewing = framed_viewing(viewing, [Path(asked.name)])
         return cls(run, state, Frame.of(run.domain, states, state), viewing)
 
 
@@ -140,7 +150,7 @@ class Explanation:
         asked = self.asked
         self._now("opening the run")
         self.run = run = state.opened(asked.run)
-        key = (asked.run, state.version(run), asked.observation, Path(asked.name).suffix.lower() == ".npz")
+        key = (asked.run, state.version(run), asked.observation, asked.framed)
         self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
         search = SEARCHES[asked.search]
         fitter: Fitter = state.kept(
@@ -148,6 +158,7 @@ class Explanation:
         )
         self._now("reading the picture")
         found = _read(asked, means)
+        self.asked = replace(asked, name=asked.name or found.names[0])
         self.pictures = pictures = found.floats()
         self._now("comparing it with samples")
         fit = fitter.fit(pictures, found.latents, self._watch)
@@ -177,16 +188,39 @@ def _novelty(means: Means) -> Novelty | None:
 
 
 def _read(asked: Asked, means: Means) -> Collection:
-    """Return the pictures of the first object of a file, with what is known of their views."""
+    """Return the pictures of the first object of a file, or of one of the run, with what is known of their views."""
     viewing = means.viewing
     given = given_view(asked.view, viewing.projection.latents) if asked.view else {}
+    found = _file(asked, means) if asked.own is None else _own(asked.own, means.state.panel)
+    found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, means.frame))
+    return found.subset(_rows_of(found, found.names[0]))
+
+
+def _file(asked: Asked, means: Means) -> Collection:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"picture{Path(asked.name).suffix.lower()}"
         file.write_bytes(asked.content)
-        found = _told(lambda: observed(means.run, [file], viewing), str(file), asked.name[:80])
-        found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, means.frame))
-    first = object_of(found.names[0])
-    return found.subset([row for row, name in enumerate(found.names) if object_of(name) == first])
+        found = _told(lambda: observed(means.run, [file], means.viewing), str(file), asked.name[:80])
+        return Collection(found.floats(), names=found.names, latents=found.latents)  # the file goes
+
+
+def _own(number: int, panel: Panel) -> Collection:
+    """Return a picture of a panel, one that is held out if there are such; of lines, all of one image, and angles."""
+    sources = panel.collections if panel.held_out is None else (panel.held_out,)
+    source = sources[number % len(sources)]
+    row = number // len(sources) % len(source)
+    if len(source.shape) > 2:
+        return Collection(source.batch(torch.tensor([row])), names=[source.names[row]])
+    parts = [part.subset(rows) for part in sources if (rows := _rows_of(part, source.names[row]))]
+    known = [part.latents for part in parts if part.latents is not None]
+    latents = {name: torch.cat([one[name] for one in known]) for name in known[0]} if len(known) == len(parts) else None
+    lines, names = torch.cat([part.floats() for part in parts]), [name for part in parts for name in part.names]
+    return Collection(lines, names=names, latents=latents)
+
+
+def _rows_of(found: Collection, name: str) -> list[int]:
+    """Return the rows of the pictures of the same object as one of this name."""
+    return [row for row, other in enumerate(found.names) if object_of(other) == object_of(name)]
 
 
 def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:

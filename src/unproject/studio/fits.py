@@ -35,7 +35,8 @@ def show_kinds(state: State, request: Request) -> Answer:
     contents = read_contents(state.folder.run(request.text("run")))
     panels = [panel for panel in contents.recipe["resolved"].get("panels") or () if isinstance(panel, dict)]
     names = [_observations(panel) for panel in panels]
-    several = [name for some in names for name in some] if len(panels) > 1 else []
+    different = [some for some in names if not any(set(some) < set(others) for others in names)]  # as of anchors
+    several = [name for some in different for name in some] if len(different) > 1 else []
     kinds = {"kind": kind_of(contents), "observations": several}
     return of_json({**kinds, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
 
@@ -56,14 +57,16 @@ def begin_fit(state: State, request: Request) -> Answer:
 
 
 def _asked(state: State, request: Request) -> Asked:
-    name, search = request.text("name"), request.text("search", "quick")
-    if Path(name).suffix.lower() not in (*SUFFIXES, ".npz"):
+    own, search = request.whole("own", -1, -1, 10**6), request.text("search", "quick")
+    name = request.text("name") if own < 0 else ""
+    if own < 0 and Path(name).suffix.lower() not in (*SUFFIXES, ".npz"):
         raise UserError(f"{name[:80]}: drop a picture ({', '.join(s[1:] for s in SUFFIXES)}), or an .npz")
     if search not in SEARCHES:
         raise UserError(f"search={search[:40]}: choose from {', '.join(SEARCHES)}")
     state.folder.run(request.text("run"))
     known = request.text("observation", "") or None, request.text("view", "")[:80], search
-    return Asked(request.text("run"), name, request.body, *known, request.text("novelty", "1") == "1")
+    novelty = request.text("novelty", "1") == "1"
+    return Asked(request.text("run"), name, request.body, *known, novelty, None if own < 0 else own)
 
 
 def _found(state: State, request: Request) -> Explanation:
@@ -84,7 +87,8 @@ def stop_fit(state: State, request: Request) -> Answer:
 def show_fit(state: State, request: Request) -> Answer:
     """Answer with how far a fit is, and with what was found once it has been."""
     one = _found(state, request)
-    told = {"run": one.asked.run, "name": one.asked.name, "stage": one.stage, "ended": one.ended, "done": one.done}
+    name = one.asked.name or "one of its own pictures"
+    told = {"run": one.asked.run, "name": name, "stage": one.stage, "ended": one.ended, "done": one.done}
     told |= {"moves": one.moves, "drawable": one.x is not None, "error": one.error, "seconds": round(one.seconds, 1)}
     pictures = {"picture": _seen(one, one.pictures), "projection": _seen(one, one.projected)}
     return of_json({**told, **pictures, **(_shown(one, one.fit) if one.fit is not None else {})})

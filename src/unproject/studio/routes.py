@@ -57,7 +57,6 @@ ROUTES: Mapping[tuple[str, str], Route] = {
     ("GET", "/api/pictures"): collections.show_pictures,
     ("POST", "/api/view"): collections.correct,
     ("GET", "/api/export"): explore.download,
-    ("GET", "/api/mask"): collections.show_mask,
     ("GET", "/api/views.csv"): collections.download_views,
     ("GET", "/api/report.html"): runs.download_report,
     ("GET", "/api/kinds"): fits.show_kinds,

@@ -1,5 +1,5 @@
 // Fit: a picture is dropped, and the sample behind it is found while one watches.
-import { answerTo, ask, keep, make, say } from "/assets/app.js";
+import { ask, keep, make, say } from "/assets/app.js";
 import { title, withRun } from "/assets/choose.js";
 import { stageView } from "/assets/explore.js";
 import { exportBar } from "/assets/export.js";
@@ -42,17 +42,17 @@ function fits(root, query) {
     observation.append(...kinds.observations.map((name) => make("option", { value: name }, name)));
     if (kinds.observations.includes("flash")) observation.value = "flash";
     search.append(...kinds.searches.map((name) => make("option", { value: name }, name)));
-    own.hidden = kinds.kind !== "volumes";
+    own.hidden = false;
     options.open = Boolean(kinds.observations.length);
   }).catch(say);
 
-  async function give(name, content) {
+  async function give(name, content, own = {}) {
     say(null);
-    const asked = { run: query.run, name, observation: observation.value, view: view.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
+    const asked = { run: query.run, name, ...own, observation: observation.value, view: view.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
     const { fit } = await ask("/api/fit", asked, { method: "POST", body: content });
     facing = true;
     begin(fit);
-    if (/\.npz$/i.test(name)) return;
+    if (!content || /\.npz$/i.test(name)) return;
     const url = URL.createObjectURL(content), image = make("img", { src: url, alt: "given", onload: () => URL.revokeObjectURL(url) });
     seen("What was given", figure("given", image));
   }
@@ -140,7 +140,7 @@ function fits(root, query) {
   file.onchange = () => { take(file.files[0]); file.value = ""; };
   own.onclick = async () => {
     own.disabled = true;
-    try { await give(...await ownPicture(query.run)); } catch (error) { say(error); }
+    try { await give("", "", { own: Math.floor(1e6 * Math.random()) }); } catch (error) { say(error); }
     own.disabled = false;
   };
   const over = (event) => { event.preventDefault(); zone.classList.add("over"); };
@@ -157,12 +157,6 @@ function fits(root, query) {
     document.removeEventListener("dragleave", leave);
     document.removeEventListener("drop", drop);
   };
-}
-
-// One of the pictures that the run has, but was not trained on if there are such, as a file.
-async function ownPicture(run) {
-  const answer = await answerTo("/api/mask", { run, number: Math.floor(1e6 * Math.random()) });
-  return [/filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition"))[1], await answer.blob()];
 }
 
 // How many further views are nearly as probable: peaks of at least half the highest.
