@@ -214,7 +214,7 @@ class Trainer:
         counters = self.state.counters
         counters.step += 1
         self.state.update_average(self.recipe.ema_half_life)
-        counters.seconds = time.monotonic() - self.began
+        counters.seconds = self.seconds
         if counters.step % EVERY == 0:
             numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
             ratio = self.distribution.average(diversity(batch.real, batch.fake.detach()))
@@ -239,10 +239,14 @@ class Trainer:
                 return False
         return True
 
+    @property
+    def seconds(self) -> float:
+        """Seconds that training has taken, those before it was resumed among them."""
+        return time.monotonic() - self.began
+
     def progress(self) -> float:
         """Return the part of the budget spent, the mean over the processes, so that all agree."""
-        seconds = time.monotonic() - self.began
-        return self.distribution.average(self.recipe.progress(self.state.counters.step, seconds))
+        return self.distribution.average(self.recipe.progress(self.state.counters.step, self.seconds))
 
     def stopping(self) -> bool:
         """Whether any process was asked to stop, so that all stop at the same instant."""
@@ -250,7 +254,7 @@ class Trainer:
 
     def record(self, **fields: Any) -> None:
         """Write a line to the log."""
-        self.state.counters.seconds = time.monotonic() - self.began
+        self.state.counters.seconds = self.seconds
         self.recorder.write(self.state.counters.step, self.state.counters.seconds, **fields)
 
     def restart(self) -> None:
@@ -263,7 +267,7 @@ class Trainer:
         counters = self.state.counters
         if self.saved_at == counters.step:
             return
-        counters.seconds = time.monotonic() - self.began
+        counters.seconds = self.seconds
         counters.lines = self.recorder.lines
         tensors = self.state.tensors()
         samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
