@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect as inspect_module
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,33 @@ def test_objects_in_parts_or_cut_off_are_told(tmp_path: Path) -> None:
     Image.fromarray(mask).save(tmp_path / "a.png")
     ((_, _, read_as, _),) = inspect(tmp_path).rows
     assert read_as == "luminance on dark background, in 2 parts, cut off by the border it seems"
+
+
+@pytest.mark.parametrize("strange", [2, 3])
+def test_training_warns_of_many_objects_in_parts_or_cut_off(tmp_path: Path, strange: int) -> None:
+    """Of twenty: two are a tenth."""
+    for k in range(20):
+        mask = np.zeros((60, 60), np.uint8)
+        mask[10:30, 5:25] = 255
+        mask[30:60, 35:55] = 255 * (k < strange)
+        Image.fromarray(mask).save(tmp_path / f"{k}.png")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        Collection.silhouettes(tmp_path, 32)
+    texts = [str(one.message).partition(": ")[2].partition(",")[0] for one in told]
+    several = ["3 of 20 silhouettes are in several parts", "3 of 20 silhouettes are cut off by a border"]
+    assert texts == (several if strange == 3 else [])
+
+
+def test_a_warning_is_printed_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Training reads a folder of silhouettes twice."""
+    for k in range(20):
+        mask = np.zeros((32, 32), np.uint8)
+        mask[4:10, 5:25] = mask[16:28, 5:25] = 255
+        Image.fromarray(mask).save(tmp_path / f"{k}.png")
+    flags = "--size 16 --channels 16 --rank 8 --batch 8 --steps 1 --tries 1 --quiet"
+    assert main(["train", "shapes", "--data", str(tmp_path), *flags.split(), "--out", str(tmp_path / "run")]) == 0
+    assert capsys.readouterr().err.count("20 of 20 silhouettes are in several parts") == 1
 
 
 def test_it_shows_what_training_gets(folder: Path) -> None:

@@ -27,7 +27,7 @@ def held() -> Iterator[None]:
 
 
 def release() -> None:
-    """Print the warnings so far."""
-    for line in _held:
+    """Print the warnings so far, each once: a folder may be read twice."""
+    for line in dict.fromkeys(_held):
         print(f"warning: {line}", file=sys.stderr)
     _held.clear()

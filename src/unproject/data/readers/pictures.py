@@ -6,7 +6,8 @@ Files are taken recursively and in the order of their names. One that cannot be 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -33,6 +34,8 @@ UNREAD = (
     ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".exr", ".hdr", ".dcm", ".mrc",
 )  # fmt: skip
 """Of telephones, cameras, browsers, editors, renderers and scanners, which no reader of masks and images takes."""
+MANY, ENOUGH = 0.1, 20
+"""Share of silhouettes, and how many, from which on strange ones are told of; masks of single objects have 4 %."""
 SAVE = "save it as .jpg, .png or .tif"
 
 
@@ -44,6 +47,7 @@ def read_pictures(path: Path, how: How) -> Found:
             if `views.csv` does not fit.
     """
     found = survey_pictures(path, how)
+    warn_of_objects(path, found.used.values())
     return found_of(path, tuple(found.skipped.items()), tuple(found.used), stacked(path, found))
 
 
@@ -81,13 +85,24 @@ def _silhouette(file: Path, size: int, framing: Framing) -> Item:
     kind = "alpha" if framed.channel == "alpha" else f"{framed.channel} on {framed.background} background"
     kind += f", in {framed.parts} parts" if framed.parts > 1 else ""
     kind += ", cut off by the border it seems" if framed.cut else ""
-    return Item(to_bytes(framed.image).numpy(), kind, framed.width, framed.height)
+    return Item(to_bytes(framed.image).numpy(), kind, framed.width, framed.height, framed.parts > 1, framed.cut)
 
 
 def _image(file: Path, how: How) -> Item:
     pixels = torch.from_numpy(np.moveaxis(read_displayed(file), 2, 0).copy())
     values = as_images(pixels[None], how.size, how.colour)[0].numpy()
     return Item(values, "picture", pixels.shape[2], pixels.shape[1])
+
+
+def warn_of_objects(path: Path, items: Collection[Item]) -> None:
+    """Warn if many silhouettes show more than one object, as where there are captions, or a part of one."""
+    for name, what in (("several", "in several parts, as of two objects or a caption"), ("cut", "cut off by a border")):
+        count = sum(getattr(item, name) for item in items)
+        if len(items) >= ENOUGH and count > MANY * len(items):
+            warnings.warn(
+                f"{path}: {count} of {len(items)} silhouettes are {what}, it seems; see unproject data inspect {path}",
+                stacklevel=2,
+            )
 
 
 def stacked(path: Path, found: Survey) -> np.ndarray:

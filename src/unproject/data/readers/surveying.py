@@ -31,13 +31,16 @@ MANY, AT_ONCE = 256, 16
 class Item(NamedTuple):
     """A picture as it is stored, (C, H, W) uint8 or float32, how it was read, and the sides it had, in pixels.
 
-    An array, not a tensor: workers would send each tensor in shared memory of its own.
+    An array, not a tensor: workers would send each tensor in shared memory of its own. Of silhouettes, whether several
+    large parts are seen, and whether the border seems to cut the object off.
     """
 
     values: np.ndarray
     read_as: str
     width: int
     height: int
+    several: bool = False
+    cut: bool = False
 
 
 Read = Callable[[Path], Item]
