@@ -67,14 +67,19 @@ def test_training_warns_of_many_objects_in_parts_or_cut_off(tmp_path: Path, stra
     assert texts == (several if strange == 3 else [])
 
 
-def test_a_warning_is_printed_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_warning_is_printed_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Training reads a folder of silhouettes twice."""
     for k in range(20):
         mask = np.zeros((32, 32), np.uint8)
         mask[4:10, 5:25] = mask[16:28, 5:25] = 255
         Image.fromarray(mask).save(tmp_path / f"{k}.png")
     flags = "--size 16 --channels 16 --rank 8 --batch 8 --steps 1 --tries 1 --quiet"
-    assert main(["train", "shapes", "--data", str(tmp_path), *flags.split(), "--out", str(tmp_path / "run")]) == 0
+    words = ["train", "shapes", "--data", str(tmp_path), *flags.split(), "--out", str(tmp_path / "run")]
+    monkeypatch.setattr("sys.argv", ["unproject", *words])
+    monkeypatch.setattr("unproject.cli.stop_with_parent", lambda: None)
+    assert main() == 0
     assert capsys.readouterr().err.count("20 of 20 silhouettes are in several parts") == 1
 
 
