@@ -40,8 +40,6 @@ from unproject.ops import unit_sized, visual_hull
 from unproject.training.fitting import novelty_of
 
 VIEWS, GRID = 4, 64
-COPY = 0.9
-"""IoU above which a training shape is a copy."""
 
 
 def halved(volumes: Tensor) -> Tensor:
@@ -57,13 +55,6 @@ def ious(found: Tensor, true: Tensor, turns: Sequence[int]) -> Tensor:
         solid = torch.rot90(a, turn, (1, 3)) > 0.5
         scores.append((solid & b).flatten(1).sum(1) / (solid | b).flatten(1).sum(1).clamp_min(1))
     return max(scores, key=lambda score: score.mean().item())
-
-
-def are_copied(true: Tensor, shapes: Tensor) -> Tensor:
-    """Return (N,) whether a training shape is nearly the same."""
-    a, b = (unit_sized(x).flatten(1) > 0.5 for x in (true, shapes))
-    both = a.float() @ b.float().T
-    return (both / (a.sum(1)[:, None] + b.sum(1) - both).clamp_min(1)).amax(1) > COPY
 
 
 def column(name: str, found: Tensor, true: Tensor, turns: Sequence[int], copied: Tensor) -> dict[str, float]:
@@ -133,7 +124,7 @@ def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
     samples, shapes = run.sample(512, seed=11), halved(train)
     turns = range(4) if form == "cropped" else (0,)
     best = nearest(samples, fitter.viewing, pictures, known)
-    copied = are_copied(true, shapes)
+    copied = any_class.are_copied(unit_sized(true), unit_sized(shapes))
     columns = {
         "fit": (torch.stack([fit.x[0] for fit in fits]), turns),
         "mean": (torch.stack([fit.mean for fit in fits]), turns),
