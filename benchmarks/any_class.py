@@ -15,8 +15,8 @@ Each arm trains `shapes` on one thread for some minutes of CPU time, so that it 
 scored against held-out shapes: MMD and COV (1 - IoU, all shapes at one size, the gauge chosen on training shapes) over
 those of as many training shapes; MMD also of those held-out shapes alone of which there is no copy among the training
 shapes (IoU above 0.9, as ModelNet has many); the same of the visual hulls of training shapes, the best that level
-silhouettes can tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in one piece; the
-verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm that is there is
+silhouettes can tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in
+one piece; the verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm that is there is
 left out, the table is printed at the end.
 """
 
@@ -205,23 +205,16 @@ def at_size(x: Tensor) -> Tensor:
 def table(results: Sequence[dict[str, Any]]) -> str:
     """Return the results as a Markdown table; the last column is the MMD over that of known views of the same seed."""
     known = {(r["class"], r["seed"]): r["mmd"] for r in results if r["form"] == "known"}
-    names = (
-        "class",
-        "form",
-        "seed",
-        "MMD / own (hulls; without copies)",
-        "COV / own (hulls)",
-        "one piece",
-        "views / ceiling",
-    )
-    head = f"| {' | '.join(names)} | MMD / known | verdict |"
-    lines = [head, "|---" * 9 + "|"]
+    names = ("class", "form", "seed", "MMD / own (hulls)", "without copies", "COV / own (hulls)", "one piece")
+    head = f"| {' | '.join(names)} | views / ceiling | MMD / known | verdict |"
+    lines = [head, "|---" * 10 + "|"]
     for r in sorted(results, key=lambda r: (r["class"], FORMS.index(r["form"]), r["seed"])):
         views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
         base = known.get((r["class"], r["seed"]))
         ratio = f"{r['mmd'] / base:.2f}" if base and r["form"] != "known" else ""
         lines.append(
-            f"| {r['class']} | {r['form']} | {r['seed']} | {r['mmd_ratio']:.2f} ({r['mmd_of_hulls']:.2f}; {r.get('mmd_ratio_new', math.nan):.2f}) "
+            f"| {r['class']} | {r['form']} | {r['seed']} | {r['mmd_ratio']:.2f} ({r['mmd_of_hulls']:.2f}) "
+            f"| {r.get('mmd_ratio_new', math.nan):.2f} "
             f"| {r['cov_ratio']:.2f} ({r['cov_of_hulls']:.2f}) "
             f"| {r['in_one_piece']:.2f} | {views} | {ratio} | {r.get('verdict', '')} |"
         )
