@@ -16,8 +16,8 @@ scored against held-out shapes: MMD and COV (1 - IoU, all shapes at one size, th
 those of as many training shapes; MMD also of those held-out shapes alone of which there is no copy among the training
 shapes (IoU above 0.9, as ModelNet has many); the same of the visual hulls of training shapes, the best that level
 silhouettes can tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in
-one piece; the verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm that is there is
-left out, the table is printed at the end.
+one piece; the verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm
+that is there is left out, the table is printed at the end.
 """
 
 from __future__ import annotations
