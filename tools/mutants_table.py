@@ -554,15 +554,15 @@ LIGHT_AND_MAPS = (
     mutant(
         "evaluate: lines of a reference keep their own unit",
         "training/evaluation.py",
-        "return pictures / projection.unit",
-        "return pictures",
+        "given = panel.projection.from_measured(pictures)",
+        "given = pictures",
         "cli/test_fit.py::test_lines_in_another_unit_are_read_as_training_did",
     ),
     mutant(
         "fit: lines keep their own unit",
         "training/fitted_pictures.py",
-        "viewing, unit_of(inner) if scale is None else scale",
-        "viewing, 1.0 if scale is None else scale",
+        "inner.unit if scale is None else scale",
+        "1.0 if scale is None else scale",
         "cli/test_fit.py::test_lines_in_another_unit_are_read_as_training_did",
     ),
     mutant(
@@ -1383,14 +1383,14 @@ ADVERSARIAL = (
     ),
     mutant(
         "measured lines: the longer end gets the zeros",
-        "data/measured_lines.py",
+        "ops/detectors.py",
         "(max(short, 0), max(-short, 0))",
         "(max(-short, 0), max(short, 0))",
         "data/test_measured_lines.py",
     ),
     mutant(
         "measured lines: interpolated away from the axis",
-        "data/measured_lines.py",
+        "ops/detectors.py",
         "if by > 0 else",
         "if by < 0 else",
         "data/test_measured_lines.py",
@@ -2269,8 +2269,8 @@ TRAINING = (
     mutant(
         "overfitting: each update measures the same held-out images",
         "training/overfitting.py",
-        "batch_rows(len(held_out), recipe.batch, seed, draw,",
-        "batch_rows(len(held_out), recipe.batch, seed, 0,",
+        "batch_rows(len(held_out), recipe.batch * ranks.world, seed, draw)",
+        "batch_rows(len(held_out), recipe.batch * ranks.world, seed, 0)",
         "training/test_overfitting.py",
     ),
     mutant(
@@ -3542,14 +3542,14 @@ ANY_CLASS = (
     ),
     mutant(
         "rectilinear: runs of before it are rebuilt with it",
-        "training/run_directory.py",
+        "training/origin.py",
         'for flag in ("rectilinear", "varied")',
         'for flag in ("varied",)',
         "recipes/test_precision.py",
     ),
     mutant(
         "varied: runs of before it are rebuilt with it",
-        "training/run_directory.py",
+        "training/origin.py",
         'for flag in ("rectilinear", "varied")',
         'for flag in ("rectilinear",)',
         "recipes/test_precision.py",
@@ -3805,7 +3805,7 @@ SIZES = (
     ),
     mutant(
         "precision: runs that hold none go on in the processor's",
-        "training/run_directory.py",
+        "training/origin.py",
         'older: dict[str, Any] = {"precision": "float32"}',
         "older: dict[str, Any] = {}",
         "recipes/test_precision.py::test_a_run_of_before_recipes_chose_one_goes_on_in_float32",
@@ -4026,7 +4026,7 @@ INVERSION = (
     ),
     mutant(
         "memory: what a container caches counts as taken",
-        "training/estimate.py",
+        "training/memory.py",
         "int(cached[1] if cached else 0)",
         "0",
         "training/test_platforms.py::test_a_containers_limit_counts_without_what_is_cached",

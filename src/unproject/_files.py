@@ -55,6 +55,17 @@ def atomic_path(final: str | os.PathLike[str]) -> Iterator[Path]:
         _synchronise(final.parent, os.O_RDONLY)
 
 
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name a file in an error of the disk that names none, or a temporary one."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and (error.filename is None or ".tmp" in str(error.filename)):
+            error.filename = str(path)
+        raise
+
+
 def _synchronise(path: Path, mode: int = os.O_RDWR) -> None:
     """Flush a file to the disk: otherwise a rename may reach the disk before the data and leave an empty file.
 

@@ -223,7 +223,7 @@ def test_settings_that_make_no_sense(wrong: dict[str, Any]) -> None:
 def test_views_are_balanced_the_less_the_more_pictures_tell(told: float, balanced: bool) -> None:
     """Pictures that all show view 0 or 1 stay there if they are told apart, and are spread if nothing is known."""
     state = begun()
-    state.joint = state.settings = replace(state.joint, estimator=Estimator("posterior", balance=1.0))
+    state.settings = replace(state.settings, estimator=Estimator("posterior", balance=1.0))
     sure = F.one_hot(torch.arange(24) % 4, BINS).float()
     vague = torch.full((24, BINS), 0.02)
     vague[:, 0] = 1 - 0.02 * (BINS - 1)
@@ -249,7 +249,7 @@ def test_a_try_whose_projections_tell_more_than_pictures_is_worth_less(beyond: f
 def test_a_little_of_the_balance_is_always_left() -> None:
     """Views that look alike would drift apart: m becomes m^(1 - 1/4), if the balance is 1 and all is told."""
     state = begun()
-    state.joint = state.settings = replace(state.joint, estimator=Estimator("posterior", balance=1.0))
+    state.settings = replace(state.settings, estimator=Estimator("posterior", balance=1.0))
     p = torch.full((25, BINS), 1e-4)
     p[torch.arange(25), torch.arange(25) % 5 % BINS] = 0.55
     p[torch.arange(25), (torch.arange(25) % 5 + 1) % BINS] = 0.45

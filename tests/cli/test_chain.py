@@ -176,7 +176,7 @@ def test_materials_are_sampled_and_exported_at_a_multiple_of_their_size(
     capsys.readouterr()
     assert main(["sample", str(run), "--size", str(side + 1), "--out", str(tmp_path / "no.npz")]) == 2
     assert "or a multiple of it" in capsys.readouterr().err
-    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 10**6)
+    monkeypatch.setattr("unproject.training.memory.available_memory", lambda _: 10**6)
     assert main(["sample", str(run), "--size", str(64 * side), "--out", str(tmp_path / "no.npz")]) == 2
     assert f"of size {64 * side} take about" in capsys.readouterr().err and not (tmp_path / "no.npz").exists()
 
@@ -197,7 +197,7 @@ def test_a_short_trial_has_few_rounds(tmp_path: Path) -> None:
 def test_a_step_that_needs_too_much_memory_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda device: 10**6)
+    monkeypatch.setattr("unproject.training.memory.available_memory", lambda device: 10**6)
     run = tmp_path / "run"
     assert main(["train", "digits", *SMALL, "--out", str(run)]) == 2
     error = capsys.readouterr().err
@@ -230,6 +230,22 @@ def test_long_steps_are_announced(
     trained(tmp_path / "run", "digits", *SMALL)
     first, *_, last = capsys.readouterr().out.splitlines()
     assert re.match(r"about \d+\.\d GB, about \d+ s a step$", first) and "next:" in last
+
+
+ODD = """
+import unproject as up
+def recipe(*, seed: int = 0) -> up.Recipe:
+    panel = up.Panel([up.Observation("itself", up.Identity())], up.Collection(up.data.chairs(4, 16)))
+    return up.Recipe(up.networks.LowRankGenerator, [panel], discriminator=lambda shape: None, steps=1, seed=seed)
+"""
+
+
+def test_parts_of_ones_own_that_do_not_fit_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "odd.py").write_text(ODD)
+    assert main(["train", f"{tmp_path}/odd.py:recipe", "--out", str(tmp_path / "run")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("unproject: discriminator: called with (shape of one image, number of heads)")
+    assert error.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
 SLEEPY = """

@@ -290,7 +290,7 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
 
 
 def test_candidates_that_do_not_fit_in_memory_are_refused(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 10**8)
+    monkeypatch.setattr("unproject.training.memory.available_memory", lambda _: 10**8)
     with pytest.raises(
         UserError, match="100000 candidates take about 12.2 GB and 0.1 GB are available; lower candidates"
     ):

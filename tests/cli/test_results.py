@@ -99,9 +99,9 @@ def test_samples_that_do_not_fit_into_memory(
 ) -> None:
     """3 samples of 64³, twice, are 6 MB; what is made at once is at most 64 MB eight times."""
     words = ("sample", runs("known"), "--n", "3", "--size", "64", "--out")
-    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 500_000_000)
+    monkeypatch.setattr("unproject.training.memory.available_memory", lambda _: 500_000_000)
     assert "lower n or size" in refused(*words, tmp_path / "x.npz")
-    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 600_000_000)
+    monkeypatch.setattr("unproject.training.memory.available_memory", lambda _: 600_000_000)
     assert main([str(word) for word in (*words, tmp_path / "x.npz")]) == 0
 
 

@@ -25,16 +25,14 @@ from toy import toy
 from unproject._types import UserError
 from unproject.recipes.digits import digits
 from unproject.recipes.shapes import shapes
-from unproject.training import estimate as module
+from unproject.training import memory
 from unproject.training.estimate import (
     MODULES,
     Peak,
     Trial,
-    available_memory,
     estimate,
-    require_memory_to_train,
-    unchecked,
 )
+from unproject.training.memory import available_memory, require_memory_to_train, unchecked
 
 CPU = torch.device("cpu")
 
@@ -77,18 +75,18 @@ def test_available_memory_is_what_the_system_says() -> None:
 
 
 def test_what_does_not_fit_is_refused_unless_forced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "available_memory", lambda device: 2**30)
+    monkeypatch.setattr(memory, "available_memory", lambda device: 2**30)
     require_memory_to_train(2**30, "a step takes", "lower --size")
     with pytest.raises(UserError, match=r"a step takes about 2.0 GB and 1.0 GB are available; lower --size, or add"):
         require_memory_to_train(2**31, "a step takes", "lower --size")
     with unchecked():
         require_memory_to_train(2**31, "a step takes", "lower --size")
-    monkeypatch.setattr(module, "available_memory", lambda device: None)
+    monkeypatch.setattr(memory, "available_memory", lambda device: None)
     require_memory_to_train(2**60, "a step takes", "lower --size")
 
 
 def test_a_trial_of_what_is_far_too_large_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "available_memory", lambda device: 2**24)
+    monkeypatch.setattr(memory, "available_memory", lambda device: 2**24)
     monkeypatch.setattr("unproject.recipes.shape_panels.require_memory_to_train", lambda *_: None)
     monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 2)
     recipe = shapes(size=64, views_per_shape=1, steps=2)
@@ -96,7 +94,7 @@ def test_a_trial_of_what_is_far_too_large_is_short(monkeypatch: pytest.MonkeyPat
 
 
 def test_all_updates_of_discriminators_count_where_a_trial_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("unproject.training.estimate.available_memory", lambda _: 2 * 10**5)
+    monkeypatch.setattr("unproject.training.memory.available_memory", lambda _: 2 * 10**5)
     monkeypatch.setattr(Trial, "measured", lambda self, *_: setattr(self, "full", True) or (10**5, 1.0))
     recipe = toy(views="known", batch=8)
     once, thrice = (estimate(recipe.replace(discriminator_steps=n), CPU).seconds for n in (1, 3))

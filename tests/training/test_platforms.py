@@ -17,9 +17,9 @@ from toy import toy
 from unproject import _files
 from unproject._types import UserError
 from unproject.ops import _builds, _native
-from unproject.training import lock, resume, run_directory, train
+from unproject.training import environment, lock, resume, train
 from unproject.training.distribution import Distribution
-from unproject.training.estimate import _left_to_container, available_memory
+from unproject.training.memory import _left_to_container, available_memory
 from unproject.training.signals import stop_request
 
 
@@ -48,7 +48,7 @@ def test_without_proc_memory_is_not_known_and_the_processor_is_named(monkeypatch
     there = Path.exists
     monkeypatch.setattr(Path, "exists", lambda self: not str(self).startswith("/proc") and there(self))
     assert available_memory(torch.device("cpu")) is None
-    assert run_directory._processor()
+    assert environment._processor()
     monkeypatch.setattr(Path, "read_text", lambda *words, **more: (_ for _ in ()).throw(FileNotFoundError()))
     assert _native._processor()
 

@@ -17,7 +17,8 @@ from unproject.adversarial.matching import Matching
 from unproject.cli import main
 from unproject.data import Collection
 from unproject.training import load, resume, train
-from unproject.training.run_directory import VERDICT, _commit, environment, write_json
+from unproject.training.environment import _commit, environment
+from unproject.training.run_directory import VERDICT, write_json
 from unproject.training.trainer import Trainer
 
 

@@ -21,15 +21,16 @@ from unproject._types import UserError
 from unproject.adversarial.augmentation import Augmentation
 from unproject.adversarial.penalties import GradientPenalty
 from unproject.assignment import Panel, PredictedState, PredictorFit
+from unproject.data import batch_rows
 from unproject.domains import Domain
 from unproject.networks import Discriminator, LowRankGenerator
 from unproject.projections.observation import Observation
 from unproject.recipes import shape_panels
 from unproject.recipes.shapes import shapes, shapes_paper
-from unproject.training import Adam, Recipe, checkpoint, load, resume, train
+from unproject.training import Adam, Recipe, checkpoint, load, resume, train, trainer
 from unproject.training.distribution import Distribution
 from unproject.training.recorder import Recorder
-from unproject.training.state import PanelState, State
+from unproject.training.state import State
 from unproject.training.trainer import Trainer
 from unproject.training.training_context import TrainingContext
 
@@ -80,8 +81,9 @@ def test_every_update_draws_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     noted(LowRankGenerator, "draw")
     noted(GradientPenalty, "__call__")
     rows: list[tuple[int, ...]] = []
-    taken = PanelState.rows
-    monkeypatch.setattr(PanelState, "rows", lambda *a: (rows.append(tuple(taken(*a).tolist())), taken(*a))[1])
+    monkeypatch.setattr(
+        trainer, "batch_rows", lambda *a: (rows.append(tuple(batch_rows(*a).tolist())), batch_rows(*a))[1]
+    )
     monkeypatch.setattr(Domain, "write_preview", lambda *_: None)
     monkeypatch.setattr(LowRankGenerator, "sample", lambda *_, **__: torch.empty(0))
     trained(tmp_path, views="known", loss="wasserstein", discriminator_steps=2)

@@ -32,9 +32,8 @@ from .._types import UserError
 from .context import Context, Processes
 from .panel import Panel
 from .predicted import Predicted, PredictedState
-from .responsibilities import uniform_views
+from .starting import views_at_start
 from .view_findings import information
-from .views import shared_collection
 
 COMPLETE = 0.55
 """Share of log K from which on information counts as complete: objects that are their own mirror images hold 0.75."""
@@ -88,9 +87,7 @@ class JointlyPredicted(Predicted):
             )
 
     def begin(self, panel: Panel, seed: int) -> JointlyPredictedState:
-        collection = shared_collection(panel.collections, panel.observations, "JointlyPredicted")
-        views = uniform_views(len(collection), len(panel.observations), seed)
-        return JointlyPredictedState(panel, views, torch.zeros_like(views), self, seed)
+        return JointlyPredictedState(panel, *views_at_start(panel, seed, "JointlyPredicted"), self, seed)
 
 
 class JointlyPredictedState(PredictedState):
@@ -104,12 +101,12 @@ class JointlyPredictedState(PredictedState):
         of_data: information of the real images, nats, moving average over rounds.
     """
 
+    settings: JointlyPredicted
     of_fakes: Tensor
     of_data: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: JointlyPredicted, seed: int) -> None:
         super().__init__(panel, views, heads, settings, seed)
-        self.joint = settings
         self.trained = copy.deepcopy(self.predictor)
         self.predictor.requires_grad_(False)
         self.online = torch.optim.Adam(self.trained.parameters(), settings.rate, (0.5, 0.999), fused=True)
@@ -118,10 +115,10 @@ class JointlyPredictedState(PredictedState):
 
     def generator_weight(self, progress: float) -> float:
         """Return w(progress), less what the cap takes; late, negative beyond the cap."""
-        begin, end = self.joint.fall
+        begin, end = self.settings.fall
         falling = min(1.0, max(0.0, (end - progress) / (end - begin)))
-        room = (float(self.of_data) + self.joint.margin - float(self.of_fakes)) / self.joint.margin
-        return self.joint.weight * (falling * min(room, 1.0) if room > 0 else (1 - falling) * max(room, -1.0))
+        room = (float(self.of_data) + self.settings.margin - float(self.of_fakes)) / self.settings.margin
+        return self.settings.weight * (falling * min(room, 1.0) if room > 0 else (1 - falling) * max(room, -1.0))
 
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""

@@ -25,8 +25,7 @@ from torch import Tensor, nn
 from .._types import UserError
 from .context import Processes
 from .panel import Assignment, AssignmentState, Panel
-from .responsibilities import uniform_views
-from .views import shared_collection
+from .starting import views_at_start
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,7 @@ class LearnedPrior(Assignment):
         return 1
 
     def begin(self, panel: Panel, seed: int) -> LearnedPriorState:
-        collection = shared_collection(panel.collections, panel.observations, "LearnedPrior")
-        views = uniform_views(len(collection), len(panel.observations), seed)
-        return LearnedPriorState(panel, views, torch.zeros_like(views), self)
+        return LearnedPriorState(panel, *views_at_start(panel, seed, "LearnedPrior"), self)
 
 
 class LearnedPriorState(AssignmentState):

@@ -24,8 +24,8 @@ from .context import Context
 from .panel import Assignment, Panel
 from .predicting import PredictingState
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
-from .responsibilities import Estimator, uniform_views
-from .views import shared_collection
+from .responsibilities import Estimator
+from .starting import views_at_start
 
 REPORT_EVERY, SAVE_EVERY = 20, 5000
 """Steps of a fit between two checks for a request to stop, and between two checkpoints."""
@@ -92,9 +92,7 @@ class Predicted(Assignment):
         return self.estimator.clusters or len(panel.observations)
 
     def begin(self, panel: Panel, seed: int) -> PredictedState:
-        collection = shared_collection(panel.collections, panel.observations, "Predicted")
-        views = uniform_views(len(collection), len(panel.observations), seed)
-        return PredictedState(panel, views, torch.zeros_like(views), self, seed)
+        return PredictedState(panel, *views_at_start(panel, seed, "Predicted"), self, seed)
 
 
 class PredictedState(PredictingState):
@@ -125,6 +123,9 @@ class PredictedState(PredictingState):
 
     def _new_predictor(self) -> torch.nn.Module:
         return self.settings.fit.network(self.panel.shape, len(self.panel.observations))
+
+    def view_probabilities(self) -> Tensor | None:
+        return self._probabilities() if self.round > 0 else None
 
     def before_step(self, run: Context) -> bool:
         initialiser, begun, self.begun = self.settings.initialiser, self.begun, True

@@ -43,7 +43,6 @@ class PredictingState(AssignmentState):
     """
 
     predictor: nn.Module
-    round: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: PredictingSettings) -> None:
         super().__init__(panel, views, heads)
@@ -85,9 +84,6 @@ class PredictingState(AssignmentState):
     def _measured(self) -> Tensor | None:
         """Return the rows that scores are measured on: None for all, or some of many, evenly spread."""
         return None if self.coverage is None else spread_rows(len(self.panel), MEASURED)
-
-    def view_probabilities(self) -> Tensor | None:
-        return self._probabilities() if self.round > 0 else None
 
     def checks(self) -> dict[str, Score]:
         """Return what the predictor knows of views, I(k; y) = H(mean p) - mean H(p), and how many are used."""

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from .._random import shared_draws
 from .panel import Assignment, AssignmentState, Panel
-from .views import shared_collection
+from .starting import require_unknown_views
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,8 @@ class Unassigned(Assignment):
         return 1
 
     def begin(self, panel: Panel, seed: int) -> UnassignedState:
-        none = torch.zeros(
-            len(shared_collection(panel.collections, panel.observations, "Unassigned")), dtype=torch.long
-        )
+        require_unknown_views(panel, "Unassigned")
+        none = torch.zeros(len(panel), dtype=torch.long)
         return UnassignedState(panel, none, none.clone())
 
 

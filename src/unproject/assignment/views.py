@@ -62,14 +62,3 @@ def by_view(collection: Collection, observations: Sequence[Observation]) -> tupl
     views = views_of(collection, observations)
     rows = {k: (views == k).nonzero()[:, 0] for k in views.unique().tolist()}
     return [observations[k] for k in rows], [collection.subset(found) for found in rows.values()]
-
-
-def shared_collection(collections: Sequence[Collection], observations: Sequence[Observation], kind: str) -> Collection:
-    """Return the one collection of a panel whose views are unknown.
-
-    Raises:
-        UserError: if there are several collections, or a single observation.
-    """
-    if len(collections) != 1 or len(observations) < 2:
-        raise UserError(f"{kind}: give the panel at least two observations and one collection for all of them")
-    return collections[0]

@@ -56,7 +56,7 @@ def run(
     """
     from ..recipes.held_out import held_out
     from ..training import load
-    from ..training.run_directory import read_origin
+    from ..training.origin import read_origin
 
     use_threads(threads)
     if n is not None and n < 1:

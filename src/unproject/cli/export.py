@@ -63,7 +63,7 @@ def run(
     """
     import torch
 
-    from ..training.run_directory import naming
+    from .._files import naming
 
     to = "mtlx" if to == "materialx" else to
     found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)

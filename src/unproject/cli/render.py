@@ -168,10 +168,9 @@ def _write(frames: list[Tensor], out: Path) -> None:
     from PIL import Image
 
     from .._files import atomic_path
-    from ..training.run_directory import naming
 
     shown = np.stack([frame.permute(0, 2, 3, 1).numpy() for frame in frames])
-    with naming(out), atomic_path(out) as temporary:
+    with atomic_path(out) as temporary:
         if out.suffix == ".npy":
             linear = shown[0] if shown.shape[1] > 1 else shown[0, 0]
             with temporary.open("wb") as file:

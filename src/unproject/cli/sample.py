@@ -34,8 +34,8 @@ def run(
         largest_part: remove parts of shapes that float.
         trust: import the generator's code although it is not of this package.
     """
+    from .._files import naming
     from ..training import load
-    from ..training.run_directory import naming
     from ._machine import warn_if_empty
 
     if n < 1:

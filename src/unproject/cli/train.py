@@ -83,7 +83,7 @@ def parse(argv: Sequence[str]) -> Callable[[], Any]:
 
 def _unchecked(call: Callable[[], Any]) -> Callable[[], Any]:
     def forced() -> Any:
-        from ..training.estimate import unchecked
+        from ..training.memory import unchecked
 
         with unchecked():
             return call()
@@ -92,19 +92,21 @@ def _unchecked(call: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def _estimate(recipe: Recipe, device: str) -> None:
-    """Say what a step takes if it takes long.
+    """Say what a step takes if it takes long; of parts that do not fit nothing: training says what is wrong with them.
 
     Raises:
         UserError: if it takes more memory than there is.
     """
-    import torch
-
-    from ..training.estimate import estimate, require_memory_to_train
+    from ..training.distribution import device_of
+    from ..training.estimate import estimate
+    from ..training.memory import require_memory_to_train
     from ._machine import say
 
-    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
-    place = torch.device("cuda" if cuda and torch.cuda.is_available() else "cpu")
-    found = estimate(recipe, place)
+    place = device_of(device)
+    try:
+        found = estimate(recipe, place)
+    except Exception:  # parts may be a user's own
+        return
     taken = recipe.origin.arguments if recipe.origin else {}
     flags = [f"--{name}" for name in ("size", "batch", "channels") if name in taken or name == "batch"]
     require_memory_to_train(found.memory, "a training step takes", f"lower {' or '.join(flags)}", place)

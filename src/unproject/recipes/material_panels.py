@@ -33,7 +33,7 @@ from ..ops.microfacet import Reflection
 from ..ops.shading import Sampling
 from ..projections import Identity, Observation, Rendering, Selection, rendering_prior, standardised
 from ..projections.rendering import Lighting
-from ..training.estimate import require_memory_to_train
+from ..training.memory import require_memory_to_train
 
 Materials = Callable[..., Tensor]
 """(count, size, seed) → maps (count, 8, size, size) of a procedural data set, or 10 channels with `coloured=True`."""

@@ -26,7 +26,7 @@ from ..projections.cropped import Cropped
 from ..projections.observation import Observation
 from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
 from ..training import Adam
-from ..training.estimate import require_memory_to_train
+from ..training.memory import require_memory_to_train
 from .pairing import Views, panel_of
 
 PROCEDURAL_CHAIRS = 1000

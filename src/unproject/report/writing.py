@@ -13,7 +13,7 @@ from .._files import atomic_path
 from .._types import UserError
 from ..domains import Domain, Maps
 from ..training import Run, load
-from ..training.run_directory import REPORT, naming
+from ..training.run_directory import REPORT
 from .contents import Contents, read_contents
 from .markup import asset, page, paragraph, picture, section, text
 from .materials import is_material, material_data
@@ -84,7 +84,7 @@ def write_report(
         content = _page(contents, opened, sheets, why_none, amounts).encode()
         if len(content) < LARGEST:
             break
-    with naming(final), atomic_path(final) as temporary:
+    with atomic_path(final) as temporary:
         temporary.write_bytes(content)
     return final
 

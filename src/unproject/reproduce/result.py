@@ -13,7 +13,8 @@ from .._files import read_json, understood
 from .._types import UserError
 from ..metrics import Score
 from ..training import checkpoint
-from ..training.run_directory import environment, write_json
+from ..training.environment import environment
+from ..training.run_directory import write_json
 
 
 @dataclass(frozen=True)

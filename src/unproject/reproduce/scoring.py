@@ -15,7 +15,7 @@ from ..export import save_image, silhouette_sheet
 from ..metrics import Score
 from ..ops.maps import pack_maps, unpack_maps
 from ..training import Run, load
-from ..training.run_directory import environment
+from ..training.environment import environment
 from .place import Place
 from .result import Result, provenance
 from .sources import SOURCES

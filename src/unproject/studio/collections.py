@@ -21,7 +21,7 @@ from .._types import UserError
 from ..assignment import AssignmentState
 from ..report.pictures import picture_of
 from ..report.sections import views_of
-from ..training.run_directory import naming, read_recipe
+from ..training.run_directory import read_recipe
 from ..training.seen import sheet_as_seen
 from .answers import Answer, Request, of_json
 from .downloads import attachment
@@ -217,7 +217,7 @@ def download_views(state: State, request: Request) -> Answer:
 
 
 def _write(file: Path, table: str) -> None:
-    with naming(file), atomic_path(file) as temporary:
+    with atomic_path(file) as temporary:
         temporary.write_text(table, encoding="utf-8")
 
 

@@ -27,6 +27,24 @@ def _number(variable: str, default: int) -> int:
     return int(given)
 
 
+def device_of(name: str) -> torch.device:
+    """Return the device of this process, of its name: "auto", "cpu" or "cuda".
+
+    Raises:
+        UserError: for another name, or a CUDA device that is not there.
+    """
+    if name == "auto":
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+    if name == "cuda" and not torch.cuda.is_available():
+        raise UserError("device 'cuda': no CUDA device is there; use cpu")
+    if name not in ("cpu", "cuda"):
+        raise UserError(f"device {name!r}: choose auto, cpu or cuda")
+    device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if name == "cuda" else "cpu")
+    if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
+        raise UserError(f"{device}: {torch.cuda.device_count()} CUDA devices are there; start as many processes")
+    return device
+
+
 class Distribution:
     """This process among `world` ones, and its device ("auto", "cpu" or "cuda").
 
@@ -35,16 +53,7 @@ class Distribution:
 
     def __init__(self, device: str = "auto") -> None:
         self.world, self.rank = _number("WORLD_SIZE", 1), _number("RANK", 0)
-        if device == "auto":
-            device = "cuda" if torch.cuda.is_available() else "cpu"
-        if device == "cuda" and not torch.cuda.is_available():
-            raise UserError("device 'cuda': no CUDA device is there; use cpu")
-        if device not in ("cpu", "cuda"):
-            raise UserError(f"device {device!r}: choose auto, cpu or cuda")
-        self.device = torch.device(f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if device == "cuda" else "cpu")
-        if self.device.type == "cuda" and (self.device.index or 0) >= torch.cuda.device_count():
-            there = torch.cuda.device_count()
-            raise UserError(f"{self.device}: {there} CUDA devices are there; start as many processes")
+        self.device = device_of(device)
         if self.device.type == "cuda":
             torch.backends.cudnn.deterministic = True  # a run repeats bit for bit
         if self.world > 1 and not dist.is_initialized():

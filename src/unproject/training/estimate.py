@@ -14,15 +14,11 @@ many where four samples leave cores idle.
 
 from __future__ import annotations
 
-import os
-import re
 import time
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from contextvars import ContextVar
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -31,16 +27,13 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
 from .._random import generator_at, seeded
-from .._types import UserError
 from ..assignment import LearnedLatents, Panel
+from . import memory
 from .recipe import Recipe
 
 FEW, MORE = 2, 4
 DRAWN_AT_ONCE = 64
-GIB = 2**30
 MODULES = 64 * 2**20
-
-_checked: ContextVar[bool] = ContextVar("checked", default=True)
 
 
 @dataclass(frozen=True)
@@ -56,67 +49,7 @@ class Estimate:
     seconds: float
 
     def __str__(self) -> str:
-        return f"about {self.memory / GIB:.1f} GB, about {self.seconds:.0f} s a step"
-
-
-@contextmanager
-def unchecked() -> Iterator[None]:
-    """Let `require_memory_to_train` refuse nothing: --force."""
-    token = _checked.set(False)
-    try:
-        yield
-    finally:
-        _checked.reset(token)
-
-
-def available_memory(device: torch.device) -> int | None:
-    """Return the bytes that a process can have on a device; None where the system does not say.
-
-    Processes that torchrun or `--processes` started on one machine have equal parts.
-    """
-    if device.type == "cuda":
-        return torch.cuda.mem_get_info(device)[0]
-    table = Path("/proc/meminfo")
-    if not table.exists():
-        return None
-    lines = dict(line.split(":", 1) for line in table.read_text(encoding="ascii").splitlines())
-    there = [1024 * int(lines["MemAvailable"].split()[0]), *_left_to_container(Path("/sys/fs/cgroup"))]
-    return min(there) // int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
-
-
-def _left_to_container(groups: Path) -> list[int]:
-    """Return the bytes that a control group, as of a container, leaves to its processes; nothing if it has no limit."""
-    names = ("memory.max", "memory.current"), ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")
-    for limit, used in names:
-        if not (groups / limit).exists():
-            continue
-        most, taken = ((groups / name).read_text(encoding="ascii").strip() for name in (limit, used))
-        stat = (groups / limit).with_name("memory.stat").read_text(encoding="ascii")
-        cached = re.search(r"^(?:total_)?inactive_file (\d+)$", stat, re.MULTILINE)  # given up where memory is needed
-        return [int(most) - int(taken) + int(cached[1] if cached else 0)] if most.isdigit() else []
-    return []
-
-
-def require_memory(need: int, what: str, instead: str, device: torch.device | None = None) -> None:
-    """Refuse what takes more memory than there is.
-
-    Args:
-        need: bytes.
-        what: takes them, with its verb.
-        instead: what to do then.
-
-    Raises:
-        UserError: if less is available.
-    """
-    there = available_memory(device or torch.device("cpu"))
-    if there is not None and need > there:
-        raise UserError(f"{what} about {need / GIB:.1f} GB and {there / GIB:.1f} GB are available; {instead}")
-
-
-def require_memory_to_train(need: int, what: str, instead: str, device: torch.device | None = None) -> None:
-    """Refuse the same, but not under `unchecked`."""
-    if _checked.get():
-        require_memory(need, what, f"{instead}, or add --force", device)
+        return f"about {self.memory / memory.GIB:.1f} GB, about {self.seconds:.0f} s a step"
 
 
 def estimate(recipe: Recipe, device: torch.device) -> Estimate:
@@ -124,7 +57,7 @@ def estimate(recipe: Recipe, device: torch.device) -> Estimate:
 
     A trial that takes half of the available memory is left; the estimate is a bound then.
     """
-    there = available_memory(device)
+    there = memory.available_memory(device)
     trial = Trial(recipe, device, None if there is None else there // 2)
     samples = max(recipe.batch // recipe.views_per_sample, 1)
     few, seconds = trial.measured(trial.step, FEW)
@@ -177,6 +110,8 @@ class Trial:
                 part()
         except _Full:
             self.full = True
+        if cuda:
+            torch.cuda.synchronize(self.device)
         most = torch.cuda.max_memory_allocated(self.device) - before if cuda else peak.most
         return most, time.monotonic() - began
 

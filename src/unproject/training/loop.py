@@ -14,7 +14,7 @@ from .compatibility import check_same
 from .distribution import Distribution
 from .health import Diverged
 from .lock import locked
-from .origin import rebuild
+from .origin import read_origin, rebuild
 from .parts import check_parts
 from .recipe import Recipe
 from .recorder import Recorder
@@ -138,7 +138,7 @@ def resume(
     if checkpoint.has_weights_alone(path / "checkpoints"):
         raise UserError(f"{path}: has weights alone, as of a shared run; begin a new run with train --from {path}")
     if recipe is None:
-        recipe = rebuild(run_directory.read_origin(path), trust, steps=steps, minutes=minutes)
+        recipe = rebuild(read_origin(path), trust, steps=steps, minutes=minutes)
     elif steps is not None or minutes is not None:
         recipe = recipe.replace(steps=steps, minutes=minutes)
     distribution = Distribution(device)
@@ -161,9 +161,7 @@ def _check_log(log: object) -> None:
         raise UserError(f"log={log!r}: give 'tensorboard', or a function that is called with each line of the log")
 
 
-def _run(
-    recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool, log: Log | None = None
-) -> Run:
+def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool, log: Log | None) -> Run:
     tell = log if callable(log) else None
     if log == "tensorboard" and distribution.leads:
         (out / event_file.FOLDER).mkdir(exist_ok=True)
@@ -173,22 +171,20 @@ def _run(
         own_random_state(distribution.device),
     ):
         trainer = Trainer(recipe, out, recorder, state, distribution, stop)
-        going = True
-        while going:
+        while True:
             try:
-                going = trainer.progress() < 1 and not trainer.stopping()
-                if going:
+                if trainer.progress() < 1 and not trainer.stopping():
                     trainer.step()
-                else:
-                    trainer.save()
+                    continue
+                trainer.save()
+                break
             except Interrupted:
-                going = False
                 trainer.undo()
                 if trainer.state.counters.step:  # else there is nothing to go on from
                     trainer.save()
+                break
             except Diverged as trouble:
                 roll_back(trainer, trouble)
-                going = True
         complete = trainer.progress() >= 1
     distribution.close()
     return Run(out, state.sampler(), state.counters.step, state.domain, complete, recipe)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from .._objects import find_object, import_name
 from .._types import UserError
 from .description import full_name
 from .recipe import Options, Origin, Recipe
-from .run_directory import RESTORE
+from .run_directory import RESTORE, read_recipe
 
 P = ParamSpec("P")
 OPTIONS = tuple(Options.__annotations__)
@@ -104,6 +105,36 @@ def with_paths(function: Callable[..., Any], arguments: dict[str, Any]) -> dict[
 def origin_of(name: str, function: str, arguments: dict[str, Any]) -> Origin:
     """Return what recipe.json stores of a call: paths become absolute, so that a run resumes from any folder."""
     return Origin(_absolute(name), _absolute(function), {key: _stored(value) for key, value in arguments.items()})
+
+
+def read_origin(path: Path) -> Origin | None:
+    """Return how the run's recipe was made, or None if no recipe function made it."""
+    stored = read_recipe(path)
+    recipe, function, arguments = stored["recipe"], stored["function"], stored["arguments"]
+    if not function:
+        return None
+    if function.startswith("unproject."):
+        arguments = {**_before_there_was(function, stored["resolved"]), **arguments}
+        if function.startswith("unproject.recipes.materials:") and arguments.get("observations") is None:
+            arguments["observations"] = _observed(stored["resolved"])
+    return Origin(recipe, function, arguments)
+
+
+def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]:
+    """Return what newer flags of our recipes have to be for runs of before there were these flags."""
+    older: dict[str, Any] = {"precision": "float32"}
+    if function == "unproject.recipes.shapes:shapes":
+        terms = json.dumps(resolved.get("regulariser"))
+        older |= {flag: 0.0 for flag in ("rectilinear", "varied") if flag.capitalize() not in terms}
+    return older
+
+
+def _observed(resolved: dict[str, Any]) -> list[str]:
+    """Return the observations of a run of materials of before recipes wrote down which they had chosen."""
+    names = [panel["observations"][0]["name"] for panel in resolved["panels"]]
+    return (
+        ["diffuse", "specular", "roughness", "normal", "flash", "coloured", "ambient"] if "itself" in names else names
+    )
 
 
 def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recipe:

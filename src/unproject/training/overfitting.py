@@ -21,7 +21,7 @@ def held_out_logits(
     if panel.augmentation is None or held_out is None or not panel.augmentation.due(draw):
         return None
     ranks, seed = distribution, derived_seed(recipe.seed, index, "held-out rows")
-    rows = batch_rows(len(held_out), recipe.batch, seed, draw, ranks.rank, ranks.world)
+    rows = ranks.own(batch_rows(len(held_out), recipe.batch * ranks.world, seed, draw))
     rng = ranks.part(recipe.seed, draw, f"held-out augmentation/{index}")
     images = panel.augmentation(held_out.batch(rows).to(ranks.device), rng)
     return panel.discriminator(images, panel.assignment.held_out_heads[rows].long().to(ranks.device))

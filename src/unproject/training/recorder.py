@@ -14,9 +14,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from .._files import atomic_path, understood
+from .._files import atomic_path, naming, understood
 from .event_file import FOLDER, EventFile
-from .run_directory import naming
 
 
 class Recorder:
@@ -68,7 +67,7 @@ class Recorder:
         if not self.file.exists():
             return
         kept = self.file.read_bytes().splitlines(keepends=True)[:lines]  # a damaged line is no text
-        with naming(self.file), atomic_path(self.file) as temporary:
+        with atomic_path(self.file) as temporary:
             temporary.write_bytes(b"".join(kept))
 
     def __enter__(self) -> Recorder:

@@ -29,12 +29,12 @@ from .budget import progress_of
 from .building import build, build_domain
 from .compatibility import check_data, check_same
 from .counters import COUNTERS
-from .estimate import require_memory
 from .evaluation import estimated_view_scores, observed_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
-from .origin import rebuild
+from .memory import require_memory
+from .origin import read_origin, rebuild
 from .recipe import Recipe
-from .run_directory import read_origin, read_recipe
+from .run_directory import read_recipe
 from .state import begin_assignments, keep_hull_if_level, load_module
 from .verdict import Verdict, judge
 

@@ -6,32 +6,25 @@ stats.jsonl        one JSON object a line: step, seconds, losses, events
 checkpoints/       step-*.safetensors
 samples/           a contact sheet over time
 verdict.json       whether the run came out well, once its budget is spent
+report.html        a page about it; tensorboard/, an event file, if asked for
 """
 
 from __future__ import annotations
 
 import json
 import os
-import platform
-import re
 import shlex
 import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict
-from datetime import datetime, timezone
-from importlib import metadata
 from pathlib import Path
 from typing import Any
-
-import torch
 
 from .._files import atomic_path, read_json, understood
 from .._types import UserError
 from . import event_file
 from .description import describe
+from .environment import environment
 from .recipe import Origin, Recipe
 
 VERDICT = "verdict.json"
@@ -123,19 +116,8 @@ def remove_temporaries(path: Path) -> None:
             temporary.unlink(missing_ok=True)
 
 
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Name the file in an error of the disk that names none, or the temporary one."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename is None or ".tmp" in str(error.filename):
-            error.filename = str(path)
-        raise
-
-
 def write_json(path: Path, value: Any) -> None:
-    with naming(path), atomic_path(path) as temporary:
+    with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
 
 
@@ -162,74 +144,3 @@ def read_recipe(path: Path) -> dict[str, Any]:
             "function": str(content.get("function", "")),
             "start": content.get("start"),
         }
-
-
-def read_origin(path: Path) -> Origin | None:
-    """Return how the run's recipe was made, or None if no recipe function made it."""
-    stored = read_recipe(path)
-    recipe, function, arguments = stored["recipe"], stored["function"], stored["arguments"]
-    if not function:
-        return None
-    if function.startswith("unproject."):
-        arguments = {**_before_there_was(function, stored["resolved"]), **arguments}
-        if function.startswith("unproject.recipes.materials:") and arguments.get("observations") is None:
-            arguments["observations"] = _observed(stored["resolved"])
-    return Origin(recipe, function, arguments)
-
-
-def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]:
-    """Return what newer flags of our recipes have to be for runs of before there were these flags."""
-    older: dict[str, Any] = {"precision": "float32"}
-    if function == "unproject.recipes.shapes:shapes":
-        terms = json.dumps(resolved.get("regulariser"))
-        older |= {flag: 0.0 for flag in ("rectilinear", "varied") if flag.capitalize() not in terms}
-    return older
-
-
-def _observed(resolved: dict[str, Any]) -> list[str]:
-    """Return the observations of a run of materials of before recipes wrote down which they had chosen."""
-    names = [panel["observations"][0]["name"] for panel in resolved["panels"]]
-    return (
-        ["diffuse", "specular", "roughness", "normal", "flash", "coloured", "ambient"] if "itself" in names else names
-    )
-
-
-def environment() -> dict[str, Any]:
-    """Return versions, machine and command: what is needed to assess or repeat the run."""
-    packages = ("unproject", "torch", "numpy", "safetensors")
-    return {
-        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
-        "started": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "commit": _commit(),
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "processor": _processor(),
-        "cpus": os.cpu_count(),
-        "threads": torch.get_num_threads(),
-        "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
-        "packages": {name: _version(name) for name in packages},
-    }
-
-
-def _processor() -> str:
-    """Its name; Linux tells it here alone."""
-    table = Path("/proc/cpuinfo")
-    told = table.read_text(encoding="utf-8") if table.exists() else ""
-    name = re.search(r"^model name\s*: (.+)$", told, re.MULTILINE)
-    return name[1] if name else platform.processor() or platform.machine()
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
-
-
-def _commit(root: Path = Path(__file__).parents[3]) -> str | None:
-    """The package's own, in a checkout: an installed package may lie in the repository of somebody's project."""
-    git = shutil.which("git")
-    if git is None or not (root / ".git").exists():
-        return None
-    words = [git, "-C", str(root), "describe", "--always", "--dirty"]
-    return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip() or None

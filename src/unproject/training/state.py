@@ -18,7 +18,7 @@ from ..adversarial.augmentation import AugmentationState
 from ..adversarial.matching import MatchingState
 from ..assignment import AssignmentState, Panel
 from ..assignment.context import Processes
-from ..data.sampling import batch_rows, spread_rows
+from ..data.sampling import spread_rows
 from ..domains import Domain, domain_of
 from ..networks import Generator
 from .counters import COUNTERS, Counters
@@ -78,10 +78,6 @@ class PanelState:
             **(self.augmentation.log() if self.augmentation else {}),
             **(self.matching.log() if self.matching else {}),
         }
-
-    def rows(self, batch: int, seed: int, draw: int) -> Tensor:
-        """Return the rows of the `draw`-th batch of real images, of all processes."""
-        return batch_rows(len(self.panel), batch, seed, draw)
 
 
 class State:

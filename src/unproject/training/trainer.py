@@ -20,8 +20,10 @@ from torch import Tensor
 
 from .._random import derived_seed, generator_at, seed_globally
 from ..adversarial.penalties import Penalty
+from ..data.sampling import batch_rows
 from . import checkpoint
 from .balancing import Term, balanced_loss
+from .batch import Batch
 from .choosing import choose
 from .distribution import Distribution
 from .graphs import Graphs, replayable
@@ -69,7 +71,7 @@ class Trainer:
         self.forward = self._compiled()
         self.began = time.monotonic() - self.state.counters.seconds
         self.saved_at = self.state.counters.step or None
-        self.slowest = math.inf
+        self.last_seconds = math.inf
         self.before: dict[str, Tensor] | None = None
 
     def step(self) -> None:
@@ -96,12 +98,12 @@ class Trainer:
                 batches = self._project(x, draw)
             losses |= self._update_discriminators(batches, draw, progress)
         losses["loss_g"] = self._update_generator(x, batches, progress)
-        self.slowest = time.monotonic() - began
+        self.last_seconds = time.monotonic() - began
         self._finish_step(progress, losses, batches[0])
 
     def _remember(self) -> None:
         """Keep the state that an interruption returns to, if steps are slow or this is the first."""
-        slow = self.distribution.average(float(self.slowest > SLOW)) > 0  # all processes check, or none
+        slow = self.distribution.agree(self.last_seconds > SLOW)  # all processes check, or none
         self.before = self.state.tensors() if slow else None
 
     def _check_stop(self) -> None:
@@ -132,7 +134,7 @@ class Trainer:
     def _batch(self, panel: PanelState, x: Tensor, draw: int, index: int) -> Batch:
         self._check_stop()
         recipe, ranks = self.recipe, self.distribution
-        whole = panel.rows(recipe.batch * ranks.world, derived_seed(recipe.seed, index, "rows"), draw)
+        whole = batch_rows(len(panel.panel), recipe.batch * ranks.world, derived_seed(recipe.seed, index, "rows"), draw)
         rows = ranks.own(whole)
         panel.assignment.call = self.graphs.projecting(index)
         fake = panel.assignment.project(x, rows, ranks.part(recipe.seed, draw, f"latents/{index}", whole))
@@ -296,14 +298,3 @@ class Trainer:
             (state.discriminator_optimiser, recipe.discriminator_optimiser),
         ):
             optimiser.param_groups[0]["lr"] = settings.rate_at(progress) * state.counters.rate_scale
-
-
-class Batch:
-    """What one panel's discriminator sees at one update: pairs of real and generated images, each with its head.
-
-    `seen` are the generated images before any augmentation.
-    """
-
-    def __init__(self, panel: PanelState, real: Tensor, fake: Tensor, head: Tensor, rows: Tensor, seen: Tensor) -> None:
-        self.panel, self.real, self.fake, self.head, self.rows, self.seen = panel, real, fake, head, rows, seen
-        self.real_logits = torch.empty(0)
