@@ -145,7 +145,7 @@ def small_package(folder: Path, changed: dict[str, str] | None = None) -> Path:
         "__init__.py": "",
         "_types.py": "import torch",
         "ops/__init__.py": "from .rotation import rotate",
-        "ops/rotation.py": "from .._types import Volume",
+        "ops/rotation.py": "from .._types import UserError",
         "metrics/__init__.py": "",
         "metrics/score.py": "from ..ops import rotation",
         "data/__init__.py": "from .folder import read",

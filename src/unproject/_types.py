@@ -1,4 +1,4 @@
-"""The axis legend, the array types and the exception for mistakes of a user.
+"""The axis legend and the exception for mistakes of a user.
 
 Axis legend (docs/conventions.md has the pictures):
 
@@ -15,18 +15,6 @@ name       shape           meaning
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
-
-if TYPE_CHECKING:
-    from torch import Tensor
-
-    Volume: TypeAlias = Tensor
-    Image: TypeAlias = Tensor
-    Latent: TypeAlias = Tensor
-    Latents: TypeAlias = dict[str, Tensor]
-    Code: TypeAlias = Tensor
-    Logits: TypeAlias = Tensor
-
 
 def printable(text: object) -> str:
     r"""Return text for one line of a terminal: names of files may hold anything.
@@ -36,20 +24,6 @@ def printable(text: object) -> str:
         'a\\nb'
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
-
-
-def check_widths(where: str, **widths: int) -> None:
-    """Raise UserError for a width of a network that is less than 1.
-
-    Examples:
-        >>> check_widths("generator", channels=0)
-        Traceback (most recent call last):
-        ...
-        unproject._types.UserError: generator: channels=0; give at least 1
-    """
-    for name, width in widths.items():
-        if width < 1:
-            raise UserError(f"{where}: {name}={width}; give at least 1")
 
 
 class UserError(ValueError):

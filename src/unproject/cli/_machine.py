@@ -56,7 +56,7 @@ def return_memory() -> None:
 @contextmanager
 def busy(doing: str) -> Iterator[None]:
     """Show what is being done, on a terminal, while it lasts."""
-    if not sys.stderr.isatty() or os.environ.get("RANK", "0") != "0":
+    if not sys.stderr.isatty() or not leads():
         yield
         return
     from rich.console import Console
@@ -68,9 +68,14 @@ def busy(doing: str) -> Iterator[None]:
         yield
 
 
+def leads() -> bool:
+    """Whether this is the leading process, the only one that says and writes anything."""
+    return os.environ.get("RANK", "0") == "0"
+
+
 def say(line: str) -> None:
     """Print, from the leading process only if torchrun started several."""
-    if os.environ.get("RANK", "0") == "0":
+    if leads():
         print(line)
 
 
@@ -85,7 +90,7 @@ def say_skipped(skipped: Sequence[tuple[str, str]], used: int) -> None:
 def warn_if_empty(domain: Domain, x: Tensor) -> None:
     """Say in how many samples nothing is to be seen."""
     count = int(domain.empty(x).sum())
-    if os.environ.get("RANK", "0") == "0" and count:
+    if leads() and count:
         none = f"all {len(x)} samples are empty (nothing above 0.5); train longer, or see `unproject evaluate`"
         some = f"{count} of {len(x)} samples empty (nothing above 0.5); another --seed draws others"
         print(f"warning: {none if count == len(x) else some}", file=sys.stderr)

@@ -15,6 +15,7 @@ from typing import Any
 
 from .._parent import PARENT
 from .._types import UserError
+from ._machine import leads
 
 MOST = 1024
 FLAG = "--processes"
@@ -94,7 +95,7 @@ def lost_another(error: BaseException) -> bool:
 
 def let_others_speak() -> None:
     """Wait, in all processes but the first: whoever fails first ends the others, so that one line is printed."""
-    if _is_one_of_several() and os.environ.get("RANK", "0") != "0":
+    if _is_one_of_several() and not leads():
         time.sleep(PATIENCE)
 
 

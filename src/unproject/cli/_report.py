@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from typing import TYPE_CHECKING
 
-from ._machine import say
+from ._machine import leads, say
 
 if TYPE_CHECKING:
     from ..training import Run
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
 
 def leave_report(run: Run, quiet: bool) -> None:
     """Write RUN/report.html, from the leading process; whatever goes wrong is a line of warning: the run is there."""
-    if os.environ.get("RANK", "0") != "0":
+    if not leads():
         return
     try:
         from ..report import write_report

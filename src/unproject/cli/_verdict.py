@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
-from ._machine import say
+from ._machine import leads, say
 
 if TYPE_CHECKING:
     from ..training import Run, Verdict
@@ -24,7 +23,7 @@ def conclude(run: Run, quiet: bool) -> None:
     """Write the verdict of a run whose budget is spent, and say it; the leading process only."""
     from ..training.run_directory import VERDICT, write_json
 
-    if not run.complete or os.environ.get("RANK", "0") != "0":
+    if not run.complete or not leads():
         return
     verdict = verdict_of(run)
     if verdict is None:

@@ -155,6 +155,12 @@ ALSO = {"glb": "gltf", "gltf": "glb"}
 """Two names of a format."""
 
 
+def check_format(domain: Domain, to: str) -> None:
+    """Raise UserError for a format that the domain does not have."""
+    if to not in domain.exporters:
+        raise UserError(f"--to {to}: there is no such format; choose from {', '.join(domain.exporters)}")
+
+
 def _options(
     domain: Domain, to: str, out: Path, faces: int | None, hull: bool, of_materials: dict[str, Any]
 ) -> dict[str, Any]:
@@ -165,11 +171,7 @@ def _options(
     """
     from .. import export
 
-    if to not in domain.exporters:
-        known = ", ".join(domain.exporters)
-        raise UserError(
-            f"--to {to}: there is no such format for {domain.name}s; choose from {known}".replace("mapss", "maps")
-        )
+    check_format(domain, to)
     own = WRITTEN.get(to, to)
     if out.suffix[1:].lower() in {*export.FORMATS, *OTHER_SUFFIXES} - {own} and not out.is_dir():
         wanted = f"a name that ends in .{own}, or a folder" if own else "the name of a folder"

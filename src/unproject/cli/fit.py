@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .._types import UserError
 from ._machine import use_threads
+from .export import check_format
 
 if TYPE_CHECKING:
     from ..domains import Domain
@@ -102,8 +103,7 @@ def run(
 def format_of(domain: Domain, to: str | None) -> str:
     """Return the format of what is found: the one that is given, or the domain's."""
     to = to or domain.written
-    if to not in domain.exporters:
-        raise UserError(f"--to {to}: there is no such format; choose from {', '.join(domain.exporters)}")
+    check_format(domain, to)
     return to
 
 

@@ -39,11 +39,12 @@ def run(
         quiet: no progress bar, and no verdict on the screen.
     """
     from ..training import resume
+    from ..training.checkpoint import newest_step
     from ._report import leave_report
     from ._verdict import conclude
 
     use_threads(threads)
-    before = _steps(path)
+    before = newest_step(path / "checkpoints")
     finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet, log=log)
     spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""
     say(f"{path}: {finished.step} steps{spent}")
@@ -55,11 +56,3 @@ def run(
 def parse(argv: Sequence[str]) -> Callable[[], Any]:
     """Return what resumes the run, here or in several processes."""
     return in_processes("resume", argv, bind("resume", argv, run)[0])
-
-
-def _steps(path: Path) -> int:
-    """Return the step of the newest checkpoint, 0 if there is none."""
-    from ..training.checkpoint import list_checkpoints, step_of
-
-    found = list_checkpoints(path / "checkpoints")
-    return step_of(found[-1]) if found else 0

@@ -15,6 +15,35 @@ from ..ops.resampling import doubled
 Upsampling: TypeAlias = Literal["transposed", "nearest"]
 
 
+def check_widths(where: str, **widths: int) -> None:
+    """Raise UserError for a width of a network that is less than 1.
+
+    Examples:
+        >>> check_widths("generator", channels=0)
+        Traceback (most recent call last):
+        ...
+        unproject._types.UserError: generator: channels=0; give at least 1
+    """
+    for name, width in widths.items():
+        if width < 1:
+            raise UserError(f"{where}: {name}={width}; give at least 1")
+
+
+def halved_widths(channels: int, levels: int, least: int = 8) -> list[int]:
+    """Return the widths of so many levels after a first one of `channels`, each half of the one before.
+
+    Examples:
+        >>> halved_widths(32, 3)
+        [32, 16, 8, 8]
+    """
+    return [channels, *(max(channels // 2**i, least) for i in range(1, levels + 1))]
+
+
+def mapping(code_size: int, hidden: int) -> nn.Sequential:
+    """Return the network that maps codes (B, L) to what modulates the levels, (B, hidden)."""
+    return nn.Sequential(nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2))
+
+
 def upsampling_levels(size: int) -> int:
     """Return the number k of doublings from 4 to `size`. Raises UserError unless size is 4·2^k, k ≥ 1."""
     levels = round(math.log2(size / 4)) if size >= 8 else 0
@@ -36,7 +65,7 @@ class SmoothUpsampling(nn.Module):
         super().__init__()
         dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
-        widths = [channels, *[max(channels // 2**i, outputs) for i in range(1, levels + 1)]]
+        widths = halved_widths(channels, levels, outputs)
         self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
         self.norms = nn.ModuleList([ModulatedNorm(inputs, width, dims) for width in widths])

@@ -7,8 +7,8 @@ import math
 import torch
 from torch import Tensor, nn
 
-from .._types import UserError, check_widths
-from .blocks import upsampling_levels
+from .._types import UserError
+from .blocks import check_widths, upsampling_levels
 
 
 class DCGANDiscriminator(nn.Module):

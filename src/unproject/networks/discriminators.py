@@ -9,8 +9,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.nn.utils.parametrize import register_parametrization
 
-from .._types import UserError, check_widths
-from .blocks import HeadConv
+from .._types import UserError
+from .blocks import HeadConv, check_widths
 
 BLOCKS = 4
 CONVOLUTIONS = {1: nn.Conv1d, 2: nn.Conv2d, 3: nn.Conv3d}

@@ -11,11 +11,13 @@ import torch
 from torch import Tensor, nn
 
 from .._random import generator_at
-from .._types import UserError, check_widths
+from .._types import UserError
 from ..ops.hull import visual_hull
 from .blocks import (
     SmoothUpsampling,
     Upsampling,
+    check_widths,
+    halved_widths,
     inscribed_disc,
     upsampling_levels,
     volume_doubling,
@@ -197,7 +199,7 @@ class VoxelGenerator(Generator):
     ) -> None:
         check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
-        widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
+        widths = halved_widths(channels, upsampling_levels(size))
         self.mirror, self.width = mirror, channels
         self.start = nn.Linear(code_size, channels * 4**3)
         layers: list[nn.Module] = [volume_norm(channels, batch_statistics), nn.ReLU()]
@@ -250,7 +252,7 @@ class ImageGenerator(Generator):
     ) -> None:
         check_widths(type(self).__name__, code_size=code_size, channels=channels)
         super().__init__(code_size, truncation)
-        widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
+        widths = halved_widths(channels, upsampling_levels(size))
         self.width = channels
         self.start = nn.Linear(code_size, channels * 4**2)
         layers: list[nn.Module] = [nn.BatchNorm2d(channels), nn.ReLU()]

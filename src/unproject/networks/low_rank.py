@@ -7,10 +7,10 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-from .._types import UserError, check_widths
+from .._types import UserError
 from ..ops.limits import limited, penalised
 from ..ops.refinement import refined
-from .blocks import SmoothUpsampling, upsampling_levels
+from .blocks import SmoothUpsampling, check_widths, mapping, upsampling_levels
 from .generators import Generator, reflect
 
 FARTHEST, PENALTY = 3.0, 0.01
@@ -82,9 +82,7 @@ class LowRankGenerator(Generator):
             raise UserError(f"LowRankGenerator(limit={limit:g}): must be positive")
         self.size = size
         self.scale = rank**-0.5
-        self.mapping = nn.Sequential(
-            nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
-        )
+        self.mapping = mapping(code_size, hidden)
         levels = upsampling_levels(size)
         x, z = (size // 2 if self.mirror == axis else size for axis in "xz")
         planes, lines = ((x, z), (z, size), (x, size)), ((size,), (x,), (z,))

@@ -15,9 +15,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .._types import UserError, check_widths
+from .._types import UserError
 from ..ops.maps import normals_of, pack_maps
-from .blocks import ModulatedScale, upsampling_levels
+from .blocks import ModulatedScale, check_widths, halved_widths, mapping, upsampling_levels
 from .generators import Generator
 from .texture_layers import Pixelwise, TilingLevel, shares, tiled, without_lattice
 from .texture_noise import normal_noise, stretched, white_noise
@@ -108,7 +108,7 @@ class DCGANMaterials(MaterialGenerator):
     ) -> None:
         check_widths(type(self).__name__, code_size=code_size, channels=channels, shared=shared)
         super().__init__(code_size, specular_channels=specular_channels)
-        widths = [channels, *(max(channels // 2**i, 8) for i in range(1, upsampling_levels(size) + 1))]
+        widths = halved_widths(channels, upsampling_levels(size))
         self.width, self.slope = channels, slope
         self.start = nn.Linear(code_size, channels * 4**2)
         # The linear layer is the first of the shared ones.
@@ -193,10 +193,8 @@ class StationaryMaterials(MaterialGenerator):
         super().__init__(code_size + places * START**2, code_size, relief=True, specular_channels=specular_channels)
         levels, hidden = upsampling_levels(size) - 1, 128
         self.size, self.places = size, places
-        self.mapping = nn.Sequential(
-            nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2)
-        )
-        widths = [channels, *[max(channels // 2 ** (i + 1), least) for i in range(levels)]]
+        self.mapping = mapping(code_size, hidden)
+        widths = halved_widths(channels, levels, least)
         self.start = nn.Conv2d(places, channels, 3, bias=False)
         self.first = ModulatedScale(hidden, channels)
         self.common = nn.ModuleList([TilingLevel(hidden, a, b, sources) for a, b in zip(widths, widths[1:])])

@@ -8,9 +8,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .._types import UserError, check_widths
+from .._types import UserError
 from ..ops.low_discrepancy import STEPS
-from .blocks import upsampling_levels
+from .blocks import check_widths, upsampling_levels
 
 FLOOR = 1e-4  # added to variances: the derivative of their root stays finite
 

@@ -37,6 +37,7 @@ from ..networks import DCGANDiscriminator, DCGANMaterials, StationaryMaterials, 
 from ..ops.maps import MAPS
 from ..projections.standardised import SCALE
 from ..training import Adam, Options, Recipe, resumable
+from .defaults import with_default
 from .material_panels import (
     Light,
     Materials,
@@ -215,20 +216,7 @@ def _of(function: Callable[..., Recipe], procedural: Materials, name: str) -> Ca
     return with_observations(resumable(made)) if function is materials else resumable(made)
 
 
-def with_observations(function: Callable[..., Recipe]) -> Callable[..., Recipe]:
-    """Give a recipe function the observations that its data have, unless some are given.
-
-    It goes around `resumable`, so that recipe.json holds them: a run keeps its own whatever is put beside its data, and
-    whatever later versions choose.
-    """
-
-    @wraps(function)
-    def made(**flags: Any) -> Recipe:
-        if flags.get("observations") is None:
-            flags["observations"] = observations_of(flags.get("data"))
-        return function(**flags)
-
-    return made
+with_observations = with_default("observations", lambda arguments: observations_of(arguments.get("data")))
 
 
 PROCEDURAL: dict[str, Materials] = {

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, ParamSpec
+from typing import Any, Literal
 
 import torch
 
-from ..training import Recipe
-
-P = ParamSpec("P")
+from .defaults import Function, with_default
 
 
 def fast_precision() -> Literal["float32", "bfloat16"]:
@@ -26,17 +23,7 @@ def fast_precision() -> Literal["float32", "bfloat16"]:
 
 
 def in_fast_precision(
-    function: Callable[P, Recipe], where: Callable[[Mapping[str, Any]], bool] = lambda arguments: True
-) -> Callable[P, Recipe]:
-    """Give a recipe function the precision that is fast here, unless one is given, or not `where` its arguments say.
-
-    It goes around `resumable`, so that recipe.json holds it: a run keeps its precision on another machine.
-    """
-
-    @functools.wraps(function)
-    def fast(*positional: P.args, **arguments: P.kwargs) -> Recipe:
-        if arguments.get("precision") is None and where(arguments):
-            arguments["precision"] = fast_precision()
-        return function(*positional, **arguments)
-
-    return fast
+    function: Function, where: Callable[[Mapping[str, Any]], bool] = lambda arguments: True
+) -> Function:
+    """Give a recipe function the precision that is fast here, unless one is given, or not `where` its arguments say."""
+    return with_default("precision", lambda arguments: fast_precision() if where(arguments) else None)(function)

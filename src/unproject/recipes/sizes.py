@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any
 
 from ..data import detectors_of, picture_count, side_of
-from ..training import Recipe
+from .defaults import Function, with_default
 
-P = ParamSpec("P")
 SMALL, LARGE = 32, 64
 LEAST_MINUTES = 30.0
 """Shorter budgets are spent at 32³: a step at 64³ takes four times as long, and views must be found first."""
@@ -52,23 +50,18 @@ def _size_of_shapes(data: Path | None, arguments: Mapping[str, Any]) -> int:
     return SMALL if short or arguments.get("views") == "direct" else size_for(data)
 
 
-def _sized(
-    choose: Callable[[Path | None, Mapping[str, Any]], int],
-) -> Callable[[Callable[P, Recipe]], Callable[P, Recipe]]:
+def _sized(choose: Callable[[Path | None, Mapping[str, Any]], int]) -> Callable[[Function], Function]:
     """Give a recipe function the `size` that is chosen by its `data`, unless one is given.
 
-    The choice is its attribute `size_of_data`, which `data inspect` asks too. It goes around `resumable`, so that
-    recipe.json holds the size: a run resumes at it whatever becomes of the data.
+    The choice is its attribute `size_of_data`, which `data inspect` asks too.
     """
 
-    def decorate(function: Callable[P, Recipe]) -> Callable[P, Recipe]:
-        @functools.wraps(function)
-        def sized(*positional: P.args, **arguments: P.kwargs) -> Recipe:
-            if arguments.get("size") is None:
-                data = arguments.get("data")
-                arguments["size"] = choose(data if data is None else Path(str(data)), arguments)
-            return function(*positional, **arguments)
+    def size_of(arguments: Mapping[str, Any]) -> int:
+        data = arguments.get("data")
+        return choose(data if data is None else Path(str(data)), arguments)
 
+    def decorate(function: Function) -> Function:
+        sized = with_default("size", size_of)(function)
         vars(sized)["size_of_data"] = choose
         return sized
 

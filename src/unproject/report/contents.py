@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..training.budget import progress_of
-from ..training.checkpoint import list_checkpoints, step_of
+from ..training.checkpoint import newest_step, step_of
 from ..training.run_directory import VERDICT, read_recipe
 
 DAMAGED = "damaged or missing"
@@ -108,8 +108,7 @@ def read_contents(path: Path) -> Contents:
     if verdict is not None and not isinstance(verdict.get("word"), str):
         remarks.append(f"{VERDICT} is {DAMAGED}: `unproject evaluate` judges the run again.")
         verdict = None
-    found = list_checkpoints(path / "checkpoints")
-    step = step_of(found[-1]) if found else 0
+    step = newest_step(path / "checkpoints")
     return Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
 
 

@@ -58,6 +58,12 @@ def step_of(path: Path) -> int:
     return int(path.stem.removeprefix("step-"))
 
 
+def newest_step(folder: Path) -> int:
+    """The step of the newest checkpoint, 0 if there is none."""
+    found = list_checkpoints(folder)
+    return step_of(found[-1]) if found else 0
+
+
 def newest(folder: Path) -> Path:
     """The newest checkpoint. Raises UserError if there is none."""
     found = list_checkpoints(folder)

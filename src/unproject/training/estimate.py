@@ -59,7 +59,7 @@ def estimate(recipe: Recipe, device: torch.device) -> Estimate:
     """
     there = memory.available_memory(device)
     trial = Trial(recipe, device, None if there is None else there // 2)
-    samples = max(recipe.batch // recipe.views_per_sample, 1)
+    samples = recipe.samples
     few, seconds = trial.measured(trial.step, FEW)
     fixed = MODULES + 4 * trial.weights
     if trial.full:

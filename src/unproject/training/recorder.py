@@ -14,8 +14,9 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from .._files import atomic_path, naming, understood
+from .._files import atomic_path, naming
 from .event_file import FOLDER, EventFile
+from .run_directory import read_log
 
 
 class Recorder:
@@ -43,7 +44,7 @@ class Recorder:
         if leads:
             self._keep(lines)
         self.stream = self.file.open("a", encoding="utf-8")
-        self.events = EventFile(path, _lines(self.file)) if leads and (path / FOLDER).is_dir() else None
+        self.events = EventFile(path, read_log(self.file)) if leads and (path / FOLDER).is_dir() else None
         self.bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -114,8 +115,3 @@ class Recorder:
                 self.bar.remove_task(task)
 
         return update
-
-
-def _lines(file: Path) -> list[dict[str, Any]]:
-    with understood(file, "remove the damaged lines"):
-        return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]

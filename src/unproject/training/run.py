@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +12,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .._files import understood
 from .._objects import find_object
 from .._random import seeded
 from .._types import UserError
@@ -34,7 +32,7 @@ from .fitting import state_of, viewing_of
 from .memory import require_memory
 from .origin import read_origin, rebuild
 from .recipe import Recipe
-from .run_directory import read_recipe
+from .run_directory import read_log, read_recipe
 from .state import begin_assignments, keep_hull_if_level, load_module
 from .verdict import Verdict, judge
 
@@ -109,9 +107,7 @@ class Run:
 
     def stats(self) -> list[dict[str, Any]]:
         """Return the lines of the log: `step`, `seconds`, losses and events."""
-        file = self.path / "stats.jsonl"
-        with understood(file, "remove the damaged lines"):
-            return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+        return read_log(self.path / "stats.jsonl")
 
     def recipe(self, trust: bool = False) -> Recipe:
         """Make the run's recipe again.

@@ -144,3 +144,9 @@ def read_recipe(path: Path) -> dict[str, Any]:
             "function": str(content.get("function", "")),
             "start": content.get("start"),
         }
+
+
+def read_log(file: Path) -> list[dict[str, Any]]:
+    """Return the lines of stats.jsonl. Raises UserError if one is damaged."""
+    with understood(file, "remove the damaged lines"):
+        return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
