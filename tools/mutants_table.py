@@ -4217,7 +4217,7 @@ TRUST = (
     ),
     mutant(
         "a network without width",
-        "_types.py",
+        "networks/blocks.py",
         "        if width < 1:",
         "        if width < 0:",
         "test_trust.py::test_a_generator_without_width",
