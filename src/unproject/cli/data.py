@@ -128,9 +128,6 @@ def _say_if_few(found: Inspection) -> None:
         print(f"  {count} pictures are few: a hundred at least are advised")
 
 
-MATERIALS = ("materials", "wood", "metal", "plastic", "fabric", "correlated")
-
-
 def _framing(path: Path, mode: str | None, threshold: float | None, polarity: str | None) -> Framing | None:
     """Return what was given, of arrays with the mode that they are kept in; None if nothing was."""
     from ..data import Framing
@@ -147,15 +144,26 @@ def _framing(path: Path, mode: str | None, threshold: float | None, polarity: st
     return Framing(**given) if given else None
 
 
+AS_THEY_ARE = "takes pictures as they are; leave out --mode, --threshold and --polarity"
+
+
+def _kind_of(recipe: str) -> str:
+    """Return "materials" for any recipe of materials, else its name without what follows a hyphen."""
+    from ..recipes.materials import PROCEDURAL
+
+    kind = recipe.partition("-")[0]
+    return "materials" if kind in PROCEDURAL else kind
+
+
 def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | None, strict: bool) -> Inspection:
     """Read a path as this recipe does, at its size."""
     from ..data import inspect, inspect_materials
 
     find_recipe(recipe)  # mistakes come first
-    size, kind = _size_of(recipe, path) if size is None else size, recipe.partition("-")[0]
-    if framing is not None and kind in ("digits", *MATERIALS):
-        raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
-    if kind in MATERIALS:
+    size, kind = _size_of(recipe, path) if size is None else size, _kind_of(recipe)
+    if framing is not None and kind in ("digits", "materials"):
+        raise UserError(f"--for {recipe}: {AS_THEY_ARE}")
+    if kind == "materials":
         return inspect_materials(path, size, strict=strict)
     pictures = "images" if kind == "digits" else "silhouettes"
     return inspect(path, size, pictures=pictures, framing=framing, strict=strict)
@@ -169,15 +177,15 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
     from ..data import How, pack
 
     find_recipe(recipe)
-    kind = recipe.partition("-")[0]
-    if kind in MATERIALS:
+    kind = _kind_of(recipe)
+    if kind == "materials":
         raise UserError(
             f"{path}: materials are read from their folder, as `train {recipe} --data` does; "
             "--for shapes packs silhouettes"
         )
     images = kind == "digits"
     if framing is not None and images:
-        raise UserError(f"--for {recipe}: takes pictures as they are; leave out --mode, --threshold and --polarity")
+        raise UserError(f"--for {recipe}: {AS_THEY_ARE}")
     size = _size_of(recipe, path) * (1 if images else ENLARGED) if size is None else size
     whole = path if path.name not in ("", "..") else path.resolve()
     out = out or whole.with_name(f"{whole.name}.npz")
