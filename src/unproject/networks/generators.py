@@ -116,7 +116,7 @@ class Generator(nn.Module, ABC):
             seed: which.
             batch: how many are generated at once; of another size fewer, so that they take no more memory than 64 do at
                 64³.
-            size: a side of volumes, in voxels (default: the generator's own; see `at_size`).
+            size: a side of samples, in voxels or texels (default: the generator's own; see `at_size`).
 
         Raises:
             UserError: for a size that the generator cannot make.

@@ -96,7 +96,8 @@ class Recipe:
         panels: observations and their data, a discriminator each. The `Identity` projection is direct training.
         domain: what the generator makes (default: the domain that the generator's class names).
         discriminator: (shape of one image, number of heads) → discriminator, which is called with images y (B, ...)
-            and the head of each, (B,) integers, and returns logits (B,).
+            and the head of each, (B,) integers, and returns logits (B,). An attribute `group` that is None is set to
+            the batch: how many images its statistics are of.
         loss: the adversarial loss.
         penalty: the gradient penalty of the discriminators (None: no penalty).
         augmentation: of all images that discriminators see, real and generated; for small collections.
