@@ -167,11 +167,14 @@ def shapes_quality(run: up.Run, folder: Path, fixed: bool) -> dict[str, float]:
     made, bins = unit_sized(at_size(x)), None if fixed else BINS
     scores = shape_scores(made, test, selection=train[:100], bins=bins)
     new = test[~are_copied(test, train)]
-    of_new = [shape_scores(made, new, selection=train[:100], bins=bins), shape_scores(train, new, bins=None)]
+    of_new = {}
+    if len(new):
+        against = [shape_scores(made, new, selection=train[:100], bins=bins), shape_scores(train, new, bins=None)]
+        of_new = {"mmd_ratio_new": against[0]["mmd_iou"].value / against[1]["mmd_iou"].value}
     return {
         "mmd": scores["mmd_iou"].value,
         "mmd_ratio": scores["mmd_iou"].value / own["mmd_iou"].value,
-        "mmd_ratio_new": of_new[0]["mmd_iou"].value / of_new[1]["mmd_iou"].value,
+        **of_new,
         "copied": 1 - len(new) / len(test),
         "cov_ratio": scores["cov_iou"].value / own["cov_iou"].value,
         "mmd_of_hulls": best["mmd_iou"].value / own["mmd_iou"].value,

@@ -61,7 +61,8 @@ def column(name: str, found: Tensor, true: Tensor, turns: Sequence[int], copied:
     """Return the scores of a column: of all shapes and of those without copies, as they are and as hulls."""
     solid, whole = (visual_hull((unit_sized(x.float()) > 0.5).float()) for x in (found, true))
     of = {name: ious(found, true, turns), f"{name}_hull": ious(solid, whole, turns)}
-    of |= {f"{key}_new": scores[~copied] for key, scores in of.items()}
+    if (~copied).sum() > 1:
+        of |= {f"{key}_new": scores[~copied] for key, scores in of.items()}
     errors = {f"{key}_error": (scores.std() / math.sqrt(len(scores))).item() for key, scores in of.items()}
     return {key: scores.mean().item() for key, scores in of.items()} | errors
 

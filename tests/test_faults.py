@@ -293,7 +293,7 @@ HOSTILE = {
     "no module": generator("system", ["touch exploded"]),
     "nothing": generator("", []),
     "looks like ours": generator("unproject_evil:make"),
-    "through ours": generator("unproject.training.run_directory:subprocess.getoutput", ["touch exploded"]),
+    "through ours": generator("unproject.training.environment:subprocess.getoutput", ["touch exploded"]),
     "through ours, builtin": generator("unproject.cli:__builtins__.exec", ["open('exploded', 'w')"]),
     "not a generator": generator("unproject.networks:Discriminator", [[1, 16, 16]]),
     "abstract": generator("unproject.networks:Generator", [4]),
@@ -308,7 +308,7 @@ HOSTILE = {
     "not even that": {"generator": "unproject"},
     "os:system as a domain": domain({"type": "os:system", "command": "touch exploded"}),
     "a domain through ours": domain(
-        {"type": "unproject.training.run_directory:subprocess.getoutput", "cmd": "touch exploded"}
+        {"type": "unproject.training.environment:subprocess.getoutput", "cmd": "touch exploded"}
     ),
     "not a domain": domain({"type": "unproject.networks:LowRankGenerator"}),
     "a domain of nothing": domain({"type": ""}),
@@ -338,7 +338,7 @@ def test_a_recipe_from_outside_needs_trust(
 ) -> None:
     monkeypatch.chdir(run)
     Path("evil.py").write_text("open('exploded', 'w')")
-    for function in (name, f"{TOY}:toy", "unproject.training.run_directory:subprocess.getoutput"):
+    for function in (name, f"{TOY}:toy", "unproject.training.environment:subprocess.getoutput"):
         rewrite(run, recipe=name, function=function, arguments={"cmd": "touch exploded"})
         assert "--trust" in refused(verb, run)
         assert not Path("exploded").exists()

@@ -15,6 +15,9 @@ name       shape           meaning
 
 from __future__ import annotations
 
+NO_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
+"""Torch's words, by system and device."""
+
 
 def printable(text: object) -> str:
     r"""Return text for one line of a terminal: names of files may hold anything.
@@ -24,6 +27,12 @@ def printable(text: object) -> str:
         'a\\nb'
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+
+
+def is_lack_of_memory(error: BaseException) -> bool:
+    """Whether an error says that memory could not be had."""
+    said = isinstance(error, RuntimeError) and any(words in str(error) for words in NO_MEMORY)
+    return said or isinstance(error, MemoryError)
 
 
 class UserError(ValueError):

@@ -63,5 +63,5 @@ def test_there_is_no_mesh_of_an_image(
     monkeypatch.chdir(tmp_path)
     assert main(["export", str(run), "--to", "glb", "--out", "meshes"]) == 2
     error = capsys.readouterr().err
-    assert error.startswith("unproject: ") and error.count("\n") == 1 and "images" in error
+    assert error.startswith("unproject: ") and error.count("\n") == 1 and "choose from npz, png" in error
     assert not list(tmp_path.iterdir())

@@ -119,7 +119,7 @@ def test_foreign_code_runs_only_with_trust(foreign: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     "function",
-    ["unproject.training.run_directory:subprocess.getoutput", "unproject.cli:__builtins__.exec", "os:system"],
+    ["unproject.training.environment:subprocess.getoutput", "unproject.cli:__builtins__.exec", "os:system"],
 )
 def test_only_recipe_functions_of_the_package_run_without_trust(
     function: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

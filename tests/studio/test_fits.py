@@ -17,9 +17,11 @@ import torch
 import trimesh
 from PIL import Image
 
+from unproject.assignment import Panel
 from unproject.cli import main
-from unproject.data import wood
+from unproject.data import Collection, wood
 from unproject.domains import Maps
+from unproject.projections import directions
 from unproject.studio import explaining
 from unproject.studio.answers import Request
 from unproject.studio.downloads import attachment, exported
@@ -234,8 +236,12 @@ def test_all_lines_of_an_image_of_the_run_are_explained(
     """With their angles; and a panel of anchors is of no other kind, so that none is asked for."""
     lines = tmp_path / "scan.npz"
     np.savez(lines, sinograms=np.random.default_rng(0).random((12, 16, 3)) / 2, angle=np.array([0.0, 1.0, 2.0]))
-    flags = "--bins 3 --channels 16 --batch 4 --steps 2 --quiet"
-    for name, more in (("known", []), ("anchored", ["--views", "predicted", "--anchors", str(lines)])):
+    flags, anchors = "--bins 3 --channels 16 --batch 4 --steps 2 --quiet", ["--anchors", str(lines)]
+    for name, more in (
+        ("known", []),
+        ("anchored", ["--views", "predicted", *anchors]),
+        ("single", ["--views", "single", *anchors]),
+    ):
         words = ["train", "digits", "--data", str(lines), *flags.split(), *more, "--out", str(tmp_path / "runs" / name)]
         assert main(words) == 0
     state, read = State(tmp_path / "runs"), explaining._read
@@ -248,8 +254,16 @@ def test_all_lines_of_an_image_of_the_run_are_explained(
         and len({name.partition("#")[0] for name in given[0].names}) == 1
     )
     assert given[0].latents["angle"].tolist() == pytest.approx([0, 1, 2], abs=1e-5)
-    for name in ("known", "anchored"):
-        assert said(state, "/api/kinds", run=name)[1]["observations"] == []
+    for name in ("known", "anchored", "single"):
+        kinds = said(state, "/api/kinds", run=name)[1]
+        assert kinds["observations"] == [] and kinds["own"]
+
+
+def test_lines_without_a_common_name_are_of_different_images() -> None:
+    """Collections number their items: the third of one has nothing to do with that of another."""
+    lines = [torch.rand(4, 1, 8, generator=torch.Generator().manual_seed(k)) for k in range(3)]
+    panel = Panel(directions(3), [Collection(part) for part in lines])
+    assert torch.equal(explaining._own(10, panel).floats(), lines[1][3:4])  # pyright: ignore[reportPrivateUsage]
 
 
 def test_the_report_is_stored_never_shown(shapes: State) -> None:

@@ -17,7 +17,7 @@ from io import TextIOWrapper
 
 from .._objects import nearest
 from .._parent import stop_with_parent
-from .._types import UserError
+from .._types import UserError, is_lack_of_memory
 from ._errors import explain
 from ._processes import PATIENCE, let_others_speak, lost_another
 from ._warnings import held
@@ -40,10 +40,6 @@ VERBS = {
     "data": "see what a collection is read as, pack a folder, or fetch a public collection",
 }
 """Verb → one line of help. Its module is `unproject.cli.VERB`."""
-
-
-NO_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
-"""Torch's words, by system and device."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -71,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             time.sleep(2 * PATIENCE)  # the agent ends this process meanwhile
             print("unproject: another process of this run has ended; its own line says why", file=sys.stderr)
             return 2
-        if isinstance(error, RuntimeError) and not any(words in str(error) for words in NO_MEMORY):
+        if not is_lack_of_memory(error):
             raise
         print("unproject: memory is used up; ask for fewer or smaller samples, or a smaller --batch", file=sys.stderr)
         return 2

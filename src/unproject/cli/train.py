@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from .._types import UserError, is_lack_of_memory
 from ._arguments import bind_recipe
 from ._processes import in_processes
 
@@ -105,8 +106,10 @@ def _estimate(recipe: Recipe, device: str) -> None:
     place = device_of(device)
     try:
         found = estimate(recipe, place)
-    except Exception:  # parts may be a user's own
-        return
+    except Exception as error:
+        if isinstance(error, UserError) or is_lack_of_memory(error):
+            raise
+        return  # a part of the user's own fails; training says which
     taken = recipe.origin.arguments if recipe.origin else {}
     flags = [f"--{name}" for name in ("size", "batch", "channels") if name in taken or name == "batch"]
     require_memory_to_train(found.memory, "a training step takes", f"lower {' or '.join(flags)}", place)

@@ -79,7 +79,7 @@ class LineIntegral(Projection):
         Raises:
             UserError: if `center` is not among the detectors.
         """
-        return about_middle(y, self.center, "lines") / self.unit
+        return about_middle(y, self.center, "readings") / self.unit
 
 
 def directions(

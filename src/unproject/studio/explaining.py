@@ -85,7 +85,7 @@ class Means:
         """Return what reads and explains pictures of one kind."""
         states = run.assignments(run.recipe())
         state = state_of(states, asked.observation)
-        viewing = viewing_of(state, asked.observation)
+        viewing = viewing_of(state, asked.observation if asked.own is None else None)
         if asked.framed:
             viewing = framed_viewing(viewing, [Path(asked.name)])
         return cls(run, state, Frame.of(run.domain, states, state), viewing)
@@ -150,7 +150,7 @@ class Explanation:
         asked = self.asked
         self._now("opening the run")
         self.run = run = state.opened(asked.run)
-        key = (asked.run, state.version(run), asked.observation, asked.framed)
+        key = (asked.run, state.version(run), asked.observation, asked.own is None, asked.framed)
         self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
         search = SEARCHES[asked.search]
         fitter: Fitter = state.kept(
@@ -211,6 +211,8 @@ def _own(number: int, panel: Panel) -> Collection:
     row = number // len(sources) % len(source)
     if len(source.shape) > 2:
         return Collection(source.batch(torch.tensor([row])), names=[source.names[row]])
+    if object_of(source.names[row]) == source.names[row]:  # nothing says which others are of the same image
+        return source.subset([row])
     parts = [part.subset(rows) for part in sources if (rows := _rows_of(part, source.names[row]))]
     known = [part.latents for part in parts if part.latents is not None]
     latents = {name: torch.cat([one[name] for one in known]) for name in known[0]} if len(known) == len(parts) else None

@@ -34,16 +34,24 @@ def show_kinds(state: State, request: Request) -> Answer:
     """Answer with the kinds of pictures that a run can explain, by its recipe.json: nothing is computed."""
     contents = read_contents(state.folder.run(request.text("run")))
     panels = [panel for panel in contents.recipe["resolved"].get("panels") or () if isinstance(panel, dict)]
-    names = [_observations(panel) for panel in panels]
-    different = [some for some in names if not any(set(some) < set(others) for others in names)]  # as of anchors
-    several = [name for some in different for name in some] if len(different) > 1 else []
-    kinds = {"kind": kind_of(contents), "observations": several}
-    return of_json({**kinds, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
+    kinds = [_kind(panel) for panel in panels]
+    different = [mine for i, mine in enumerate(kinds) if not any(_holds(kinds, j, i) for j in range(len(kinds)))]
+    several = [name for _, names in different for name in names] if len(different) > 1 else []
+    own = any(names for _, names in kinds)
+    told = {"kind": kind_of(contents), "observations": several, "own": own}
+    return of_json({**told, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
 
 
-def _observations(panel: dict[str, Any]) -> list[str]:
-    found = panel.get("observations") or ()
-    return [str(o["name"]) for o in found if o["projection"].get("type") != IDENTITY]
+def _kind(panel: dict[str, Any]) -> tuple[Any, list[str]]:
+    """Return the described projection of a panel, and the names of its observations but for the samples themselves."""
+    found = [o for o in panel.get("observations") or () if o["projection"].get("type") != IDENTITY]
+    return found[0]["projection"] if found else None, [str(o["name"]) for o in found]
+
+
+def _holds(kinds: list[tuple[Any, list[str]]], i: int, j: int) -> bool:
+    """Whether panel i has the observations of j, and more, or the same and comes first, as beside anchors."""
+    (projection, mine), (other, theirs) = kinds[i], kinds[j]
+    return projection == other and (set(theirs) < set(mine) or (theirs == mine and i < j))
 
 
 def begin_fit(state: State, request: Request) -> Answer:

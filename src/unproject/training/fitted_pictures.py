@@ -88,7 +88,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     if not projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
-        return read(paths[0], size, pictures="images")
+        return mapped(read(paths[0], size, pictures="images"), projection.from_measured)
     if listed:
         found = read_silhouettes(paths, 2 * size)
     else:  # pictures of an .npz that are not framed anew are brought to the size of training
@@ -96,7 +96,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         found = read(paths[0], 2 * size if paths[0].is_dir() else unframed)
     if len(found.shape) != 3:
         raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
-    return mapped(found, projection.prepare)
+    return mapped(found, lambda y: projection.prepare(projection.from_measured(y)))
 
 
 def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:

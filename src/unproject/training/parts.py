@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from .._random import generator_at, seeded
-from .._types import UserError
+from .._types import UserError, is_lack_of_memory
 from ..assignment import Panel
 from .recipe import Recipe
 from .state import PanelState, State
@@ -81,9 +81,9 @@ def _called(name: str, how: str) -> Iterator[None]:
     """Say of what fails how it is called."""
     try:
         yield
-    except (UserError, MemoryError, torch.OutOfMemoryError):
-        raise
     except Exception as error:
+        if isinstance(error, UserError) or is_lack_of_memory(error):
+            raise
         first = str(error).partition("\n")[0]
         raise UserError(f"{name} fails ({type(error).__name__}: {first}); it is called as {how}") from error
 

@@ -42,7 +42,7 @@ function fits(root, query) {
     observation.append(...kinds.observations.map((name) => make("option", { value: name }, name)));
     if (kinds.observations.includes("flash")) observation.value = "flash";
     search.append(...kinds.searches.map((name) => make("option", { value: name }, name)));
-    own.hidden = false;
+    own.hidden = !kinds.own;
     options.open = Boolean(kinds.observations.length);
   }).catch(say);
 
