@@ -4473,8 +4473,8 @@ PHOTOGRAPHED = (
     mutant(
         "fit: panels of other projections are of one kind",
         "training/fitting.py",
-        "if panels[i].projection != panels[j].projection:",
-        "if False:",
+        "return projection == other and (theirs",
+        "return (theirs",
         "training/test_evaluation.py::test_panels_of_other_projections_are_of_other_kinds",
     ),
     mutant(
@@ -4697,10 +4697,10 @@ FINDINGS = (
         "panel.collections if panel.held_out is None else (panel.held_out,)", "panel.collections",
         "studio/test_fits.py::test_a_picture_of_the_run_is_explained"),
     mutant("studio: of an image of the run one line is explained", "studio/explaining.py",
-        "object_of(other) == object_of(name)", "other == name",
+        "if object_of(other) == wanted", "if other == name",
         "studio/test_fits.py::test_all_lines_of_an_image_of_the_run_are_explained"),
     mutant("studio: anchors are a kind of picture of their own", "studio/fits.py",
-        "or (theirs == mine and i < j)", "",
+        "if len(different) > 1", "if len(kinds) > 1",
         "studio/test_fits.py::test_all_lines_of_an_image_of_the_run_are_explained"),
     mutant("studio: a fit that waits is not stopped at once", "studio/explaining.py",
         'if self.stage == "waiting":', "if False:",

@@ -222,7 +222,8 @@ def _own(number: int, panel: Panel) -> Collection:
 
 def _rows_of(found: Collection, name: str) -> list[int]:
     """Return the rows of the pictures of the same object as one of this name."""
-    return [row for row, other in enumerate(found.names) if object_of(other) == object_of(name)]
+    wanted = object_of(name)
+    return [row for row, other in enumerate(found.names) if object_of(other) == wanted]
 
 
 def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:

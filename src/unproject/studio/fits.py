@@ -16,6 +16,7 @@ from ..report.contents import read_contents
 from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.fitted_pictures import FAR
+from ..training.fitting import different_kinds
 from ..training.run_directory import read_recipe
 from ..training.seen import as_seen
 from .answers import Answer, Missing, Request, of_json
@@ -35,8 +36,8 @@ def show_kinds(state: State, request: Request) -> Answer:
     contents = read_contents(state.folder.run(request.text("run")))
     panels = [panel for panel in contents.recipe["resolved"].get("panels") or () if isinstance(panel, dict)]
     kinds = [_kind(panel) for panel in panels]
-    different = [mine for i, mine in enumerate(kinds) if not any(_holds(kinds, j, i) for j in range(len(kinds)))]
-    several = [name for _, names in different for name in names] if len(different) > 1 else []
+    different = [kinds[row][1] for row in different_kinds([(projection, set(names)) for projection, names in kinds])]
+    several = [name for names in different for name in names] if len(different) > 1 else []
     own = any(names for _, names in kinds)
     told = {"kind": kind_of(contents), "observations": several, "own": own}
     return of_json({**told, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
@@ -46,12 +47,6 @@ def _kind(panel: dict[str, Any]) -> tuple[Any, list[str]]:
     """Return the described projection of a panel, and the names of its observations but for the samples themselves."""
     found = [o for o in panel.get("observations") or () if o["projection"].get("type") != IDENTITY]
     return found[0]["projection"] if found else None, [str(o["name"]) for o in found]
-
-
-def _holds(kinds: list[tuple[Any, list[str]]], i: int, j: int) -> bool:
-    """Whether panel i has the observations of j, and more, or the same and comes first, as beside anchors."""
-    (projection, mine), (other, theirs) = kinds[i], kinds[j]
-    return projection == other and (set(theirs) < set(mine) or (theirs == mine and i < j))
 
 
 def begin_fit(state: State, request: Request) -> Answer:

@@ -33,17 +33,20 @@ def state_of(states: Sequence[AssignmentState], observation: str | None) -> Assi
 
 def of_different_kinds(states: Sequence[AssignmentState]) -> list[AssignmentState]:
     """Return the panels but for those whose observations another one has: of pictures whose views are known too."""
-    panels = [state.panel for state in states]
-    names = [{o.name for o in panel.observations} for panel in panels]
+    kinds = [(state.panel.projection, {o.name for o in state.panel.observations}) for state in states]
+    return [states[row] for row in different_kinds(kinds)]
 
-    def has(i: int, j: int) -> bool:
-        """Whether panel i has the observations of j, and more, or the same and comes first."""
-        if panels[i].projection != panels[j].projection:
-            return False
-        return names[j] < names[i] or (names[i] == names[j] and i < j)
 
-    rows = range(len(states))
-    return [states[j] for j in rows if not any(has(i, j) for i in rows)]
+def different_kinds(kinds: Sequence[tuple[object, set[str]]]) -> list[int]:
+    """Return the rows of kinds, (projection, names of observations), but for those that another one contains."""
+
+    def contains(i: int, j: int) -> bool:
+        """Whether kind i has the observations of j, and more, or the same and comes first."""
+        (projection, mine), (other, theirs) = kinds[i], kinds[j]
+        return projection == other and (theirs < mine or (theirs == mine and i < j))
+
+    rows = range(len(kinds))
+    return [j for j in rows if not any(contains(i, j) for i in rows)]
 
 
 def by_name(states: Sequence[AssignmentState]) -> dict[str, AssignmentState]:
