@@ -139,7 +139,7 @@ def run_arm(
     found |= shapes_quality(run, folder, fixed=form == "known")
     if form != "known":
         found |= views_quality(run, recipe, folder, form)
-    verdict = run.verdict(recipe=recipe)
+    verdict = run.verdict()
     found |= {"verdict": verdict.word, "says": verdict.line}
     up.export.contact_sheet(run.sample(12, seed=1), out / f"{name}-{form}-{seed}.png", size=80)
     return found
@@ -193,7 +193,7 @@ def are_copied(shapes: Tensor, training: Tensor) -> Tensor:
 def views_quality(run: up.Run, recipe: up.Recipe, folder: Path, form: str) -> dict[str, float]:
     """Score the views that were predicted."""
     azimuth = torch.load(folder / "truth.pt")["azimuth"]
-    assigned = run.assignments(recipe)[0].estimates()
+    assigned = run.assignments()[0].estimates()
     assert assigned is not None
     shown = torch.tensor([int(Path(name).stem) for name in recipe.panels[0].collections[0].names])
     exact = view_accuracy(assigned, true_bins(azimuth)[shown], BINS).exact

@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if not (options.runs / "recipe.json").exists():
         train(recipe, options.runs, quiet=True)
     run = load(options.runs)
-    (state,) = run.assignments(recipe)
+    (state,) = run.assignments()
     images, bins = state.panel.collections[0].floats(), len(state.panel.observations)
     options.out.mkdir(parents=True, exist_ok=True)
     export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.webp", size=128)

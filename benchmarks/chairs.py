@@ -149,7 +149,7 @@ def unseen_scores(generated: torch.Tensor, training: torch.Tensor, test: torch.T
 def views(run: Run) -> tuple[ViewAccuracy, ViewAccuracy]:
     """Return the accuracy of the assigned views up to gauge, and that of a predictor trained on the true ones."""
     recipe = run.recipe()
-    (state,) = run.assignments(recipe)
+    (state,) = run.assignments()
     true = true_views(state.panel)
     assert true is not None
     found = accuracy_of(run.domain, state.panel, state.views, true)

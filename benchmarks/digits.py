@@ -60,7 +60,7 @@ def run_arm(arm: str, seed: int, options: argparse.Namespace, training: Tensor, 
     views = "predicted" if arm == "anchored" else arm
     recipe = up.recipes.find("digits")(views=views, seed=seed, **flags, **anchors)
     run, found = trained(recipe, options.out / "runs" / f"{arm}-{seed}")
-    states = run.assignments(recipe)
+    states = run.assignments()
     turns = turns_of(run.domain, states) if arm not in ("direct", "anchored") else None
     images, scores = scored(run.sample(SCORED, seed), training, test, turns and turns * FINER, seed)
     up.export.silhouette_sheet(images[:60], columns=10, scale=2).save(options.out / f"{arm}-{seed}.png")

@@ -52,7 +52,7 @@ def compared(run: up.Run, given: argparse.Namespace) -> dict[str, object]:
     """Return the scores of one kind of material."""
     make = getattr(up.data, given.material)
     true, training = make(given.n, 64, HELD_OUT), make(500, 64, TRAINING)
-    viewing = viewing_of(state_of(run.assignments(run.recipe()), "flash"), "flash")
+    viewing = viewing_of(state_of(run.assignments(), "flash"), "flash")
     seen, known = photographed(viewing, true), photographed(viewing, training)
     fitter = run.fitter("flash", search=Search(starts=8, tune=30))
     _ = fitter.candidates.variance

@@ -158,7 +158,7 @@ def of_another_kind(
         return {}
     with np.load(args.data / "silhouettes" / "bird_cub_aves_64.npz") as arrays:
         birds = viewing.projection.prepare(torch.from_numpy(arrays["sil"]).float().clamp(0, 1)[:, None])
-    novelty = novelty_of(run.assignments(run.recipe())[0], viewing)
+    novelty = novelty_of(run.assignments()[0], viewing)
     assert novelty is not None  # there is more than one picture
     own, others = (novelty.p_values(y) < DOUBTFUL for y in (pictures[:, 0], birds))
     return {"kind": own.float().mean().item(), "kind_birds": others.float().mean().item()}

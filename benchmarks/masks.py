@@ -75,7 +75,7 @@ def some_of(collection: Collection, most: int) -> Tensor:
 @torch.no_grad()
 def silhouettes_quality(run: Run, recipe: Recipe, real: Tensor, seed: int = 1) -> dict[str, float]:
     """Score a run against pictures (M, 1, H, W) that were held out, framed as those of its panel are."""
-    (state,) = run.assignments(recipe)
+    (state,) = run.assignments()
     others = some_of(state.panel.collections[0], MOST)
     x = run.sample(len(others), seed)
     found, own = (silhouette_scores(y, real, seed=seed) for y in (projected(state, x, seed), others))

@@ -110,7 +110,7 @@ def result_of(place: Path, out: Path, name: str) -> dict[str, Any]:
     """Open a run that is done, write its pictures, and return what it came to."""
     run = load(place)
     recipe = run.recipe()
-    (state,) = run.assignments(recipe)
+    (state,) = run.assignments()
     show(run, state, out, name)
     verdict = json.loads((place / VERDICT).read_text(encoding="utf-8"))
     held_out = state.panel.held_out

@@ -152,7 +152,7 @@ def row(case: Case, runs: Path) -> dict[str, Any]:
     except UserError as error:  # training that diverges twice says so itself
         return about | {"word": "failed", "line": str(error), "truth": math.inf}
     began = time.monotonic()
-    verdict = run.verdict(recipe=recipe)
+    verdict = run.verdict()
     seconds = time.monotonic() - began
     values = {finding.name: round(finding.score.value, 3) for finding in verdict.findings}
     found = {"word": verdict.word, "line": verdict.line, "truth": truth(run, case)}

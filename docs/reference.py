@@ -25,12 +25,13 @@ from sphinx.pycode import ModuleAnalyzer
 
 import unproject
 from unproject.cli import VERBS, main
+from unproject.cli.data import ACTIONS
 
 MODULES = unproject._SUBMODULES
 TYPES = {
     "adversarial": ("adaptive.AdaptiveState",),
     "assignment": ("assigned.Assigned", "unassigned.UnassignedState", "mean_shape.Fitted"),
-    "data": ("lazy.Lazy", "observing.Observing"),
+    "data": ("inspection.FileRow", "lazy.Lazy", "observing.Observing"),
     "domains": ("evidence.Evidence",),
     "inversion": ("candidates.Candidates",),
     "networks": ("materials.MaterialGenerator",),
@@ -118,7 +119,8 @@ def first_page() -> str:
 
 
 def command_line() -> str:
-    commands = [[], *([verb] for verb in VERBS), *(["train", recipe] for recipe in ("shapes", "digits", "wood"))]
+    further = [["train", recipe] for recipe in ("shapes", "digits", "wood")] + [["data", action] for action in ACTIONS]
+    commands = [[], *([verb] for verb in VERBS), *further]
     parts = [
         heading("The command line"),
         "What ``unproject VERB --help`` prints; `usage <../usage.html>`_ is a tour.\n",

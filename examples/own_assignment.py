@@ -30,7 +30,7 @@ class FrontOrBack(up.Assignment):
 class HalfKnown(up.AssignmentState):
     def project(self, x, rows, rng):
         within = torch.randint(4, (len(rows),), generator=rng)
-        return self.panel.project(x, (4 * self.heads[rows] + within - 2) % 8, rng)
+        return self.observe(x, (4 * self.heads[rows] + within - 2) % 8, rng)
 
 
 def halves(*, seed: int = 0) -> up.Recipe:

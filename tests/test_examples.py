@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_the_verbs_know_a_domain_of_ones_own(tmp_path: Path, capsys: pytest.Capt
     assert "diversity" in capsys.readouterr().out
     assert main(["evaluate", str(run), "--n", "6"]) == 2 and "--trust" in capsys.readouterr().err
     opened = load(run, trust=True)
-    found = opened.evaluate(opened.sample(6, seed=1), n=6, trust=True)
+    found = opened.evaluate(opened.sample(6, seed=1), n=6)
     assert (
         found["spectrum"].value > 0 and opened.domain.scores(opened.sample(6), opened.sample(6))["spectrum"].value == 0
     )
@@ -91,9 +92,9 @@ def test_an_assignment_of_ones_own_decides_views_and_heads(tmp_path: Path) -> No
     seen: list[int] = []
     project = Panel.project
 
-    def watched(self: Panel, x: torch.Tensor, views: torch.Tensor, rng: torch.Generator) -> torch.Tensor:
+    def watched(self: Panel, x: torch.Tensor, views: torch.Tensor, *of: Any) -> torch.Tensor:
         seen.extend(views.tolist())
-        return project(self, x, views, rng)
+        return project(self, x, views, *of)
 
     rows = (panel.assignment.heads == 0).nonzero()[:64, 0]
     with pytest.MonkeyPatch.context() as patch:

@@ -68,7 +68,8 @@ def flags_of(verb: str, recipe: str = "") -> tuple[str, ...]:
     from unproject._objects import find_object
     from unproject.training import Options
 
-    functions = [import_module(f"unproject.cli.{verb}").run]
+    module = import_module(f"unproject.cli.{verb}")
+    functions = list(module.ACTIONS.values()) if verb == "data" else [module.run]
     if recipe:
         functions.append(find_object(f"{TOY}:toy") if recipe == "toy" else recipes.find(recipe))
     names = [

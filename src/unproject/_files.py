@@ -66,6 +66,12 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write text as UTF-8, whole or not at all (`atomic_path`)."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def _synchronise(path: Path, mode: int = os.O_RDWR) -> None:
     """Flush a file to the disk: otherwise a rename may reach the disk before the data and leave an empty file.
 

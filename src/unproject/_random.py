@@ -54,7 +54,7 @@ def seed_globally(seed: int, step: int, stream: str) -> None:
     torch.manual_seed(derived_seed(seed, step, stream))
 
 
-class Part(torch.Generator):
+class BatchShard(torch.Generator):
     """The source of draws of one process among several, each of which has its part of one batch.
 
     Drawn from directly, its draws are another process's nowhere. `shared_draws` take the draws of the whole batch from
@@ -79,10 +79,10 @@ class Part(torch.Generator):
 def part_at(
     seed: int, step: int, stream: str, rank: int = 0, world: int = 1, rows: torch.Tensor | None = None
 ) -> torch.Generator:
-    """Return the generator of a process: that of (seed, step, stream/rank), which is a `Part` if there are several."""
+    """Return the generator of a process: that of (seed, step, stream/rank); of several processes a `BatchShard`."""
     if world == 1:
         return generator_at(seed, step, f"{stream}/{rank}")
-    part = Part()
+    part = BatchShard()
     part.manual_seed(derived_seed(seed, step, f"{stream}/{rank}"))
     part.whole, part.rank, part.world = generator_at(seed, step, f"{stream}/0"), rank, world
     part.rows, part.chosen = rows, None
@@ -100,7 +100,7 @@ def shared_draws(rng: torch.Generator, n: int) -> tuple[torch.Generator, int, sl
         >>> [shared_draws(rng, 2)[1:] for rng in (one, two)]
         [(4, slice(0, 2, None)), (4, slice(2, 4, None))]
     """
-    if not isinstance(rng, Part):
+    if not isinstance(rng, BatchShard):
         return rng, n, slice(0, n)
     count, first = rng.chosen or (n * rng.world, n * rng.rank)
     first = min(first, count - n)  # of none that are chosen, one is drawn for
@@ -109,14 +109,14 @@ def shared_draws(rng: torch.Generator, n: int) -> tuple[torch.Generator, int, sl
 
 def rows_of_all(rng: torch.Generator, rows: torch.Tensor) -> torch.Tensor:
     """Return the rows of the whole batch, of which `rows` are this process's."""
-    return rng.rows if isinstance(rng, Part) and rng.rows is not None else rows
+    return rng.rows if isinstance(rng, BatchShard) and rng.rows is not None else rows
 
 
 def chosen_of(rng: torch.Generator, whole: torch.Tensor, own: slice) -> torch.Generator:
     """Return the source of draws for those elements alone that `whole` (N,), bool, chooses."""
-    if not isinstance(rng, Part):
+    if not isinstance(rng, BatchShard):
         return rng
-    part = Part()
+    part = BatchShard()
     part.manual_seed(int(torch.randint(2**62, (), generator=rng)))
     part.whole, part.rank, part.world, part.rows = rng.whole, rng.rank, rng.world, None
     part.chosen = int(whole.sum()), int(whole[: own.start].sum())

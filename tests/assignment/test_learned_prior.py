@@ -115,7 +115,7 @@ def test_it_finds_the_distribution_of_views(tmp_path: Path) -> None:
     shares = [torch.tensor(line["views"]) for line in run.stats() if "views" in line]
     found = torch.stack(shares[-10:]).mean(0)
     assert (found - TRUE).abs().max() < 0.12, found
-    (stored,) = run.assignments(made)
+    (stored,) = run.assignments()
     assert isinstance(stored, LearnedPriorState) and torch.allclose(stored.shares, shares[-1], atol=1e-3)
     assert (torch.full((4,), 0.25) - TRUE).abs().max() > 0.3
 

@@ -343,5 +343,5 @@ def test_a_ceiling_of_what_was_not_predicted_is_warned_of(tmp_path: Path, capsys
     assert main(["train", f"{TOY}:toy", "--views", "known", "--steps", "1", "--quiet", "--out", run]) == 0
     capsys.readouterr()
     words = ["evaluate", run, "--trust", "--n", "4"]
-    assert main([*words, "--ceiling"]) == 0 and "warning: --ceiling: there is no ceiling" in capsys.readouterr().err
+    assert main([*words, "--ceiling"]) == 0 and "warning: --ceiling: needs predicted views" in capsys.readouterr().err
     assert main(words) == 0 and "ceiling" not in capsys.readouterr().err

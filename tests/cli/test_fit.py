@@ -274,14 +274,14 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
         opened.evaluate(Collection.lines(scan), n=8)
     compared = [found for found in compared if len(found) == len(readings) * 3]
     assert len(compared) >= 2
-    viewing = viewing_of(opened.assignments(opened.recipe())[0])
+    viewing = viewing_of(opened.assignments()[0])
     compared.append(observed(opened, [scan], viewing).floats())
     learned = torch.cat([collection.floats() for panel in panels for collection in panel.collections])
     for found in compared:
         torch.testing.assert_close(found.sort(0).values, learned.sort(0).values)
-    with pytest.warns(UserWarning, match="readings reach 49.9, divided by 1, where a row of ones"):
+    with pytest.warns(UserWarning, match="largest reading is 49.9 after division by 1, but a row of ones"):
         assert observed(opened, [scan], viewing, 1.0).floats().max() == readings.max()
-    with pytest.warns(UserWarning, match="or what to divide by as --scale"):
+    with pytest.warns(UserWarning, match="or what to divide them by as --scale"):
         observed(opened, [scan], viewing, 1e5)
     assert fit(run, scan, "--out", tmp_path / "fits", "--no-novelty", "--candidates", "4", "--steps", "1") == 0
     assert entries(tmp_path / "fits")[0]["unit"] == pytest.approx(unit / 16)
@@ -321,7 +321,7 @@ def test_known_views_are_told_in_the_frame_of_a_run_that_found_its_own(gauge: Ga
 def test_an_npz_of_another_size_is_taken_and_lines_are_refused(shapes: Path, masks: Path, tmp_path: Path) -> None:
     assert main(["data", "pack", str(masks), "--out", str(tmp_path / "p.npz")]) == 0
     run = load(shapes)
-    (state,) = run.assignments(run.recipe())
+    (state,) = run.assignments()
     found = observed(run, [tmp_path / "p.npz"], viewing_of(state))
     assert found.shape == (1, 16, 16) and 0.05 < found.floats().mean() < 0.6
     np.savez(tmp_path / "lines.npz", sinograms=np.ones((2, 16, 4), np.float32))

@@ -44,6 +44,12 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
     return err.removeprefix("unproject: ").strip()
 
 
+def test_help_of_data_lists_its_actions(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["data", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"\n  {action} " in text for action in ("inspect", "pack", "get"))
+
+
 @pytest.mark.parametrize("argv", [[], ["--help"], ["-h"], ["help"]])
 def test_help_lists_every_verb(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(argv) == 0

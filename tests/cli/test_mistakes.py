@@ -15,7 +15,14 @@ from unproject.cli._mistakes import in_one_line
     [
         ("export", "export: give SOURCE and --out PATH (`unproject export --help`)"),
         ("export run", "export: give --out PATH (`"),
-        ("data inspct x", "action 'inspct': choose from inspect, pack, get. Perhaps you meant 'inspect' (`"),
+        (
+            "data inspct x",
+            "data 'inspct': choose from inspect, pack, get; flags come behind. Perhaps you meant 'inspect' (`",
+        ),
+        ("data", "data '': choose from inspect, pack, get"),
+        ("data --strict inspect x", "data '--strict': choose from inspect, pack, get; flags come behind (`"),
+        ("data get mnist --strict", "data get: unrecognized options: --strict"),
+        ("data pack x --json", "data pack: unrecognized options: --json"),
         ("inspect x", "there is no verb 'inspect'. Perhaps you meant 'data inspect'; `"),
         ("train shapes --views knwn", "--views 'knwn': choose from predicted, learned, known, single, direct. Perhaps"),
         ("train shapes --steps x", "--steps 'x': give a whole number (`"),

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import torch
 
-from unproject.data import How, pack
+from unproject.data import ReadOptions, pack
 from unproject.data import packing as packing_module
 from unproject.data.readers import surveying
 
 KILLS = 10
-HOW = How(16)
+HOW = ReadOptions(16)
 
 
 def killed_after(seconds: float, folder: Path, out: Path) -> bool:

@@ -14,7 +14,7 @@ from PIL import Image
 
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.cli.data import run
+from unproject.cli.data import inspect_path
 from unproject.data import Collection, Framing, inspect
 from unproject.recipes import find
 from unproject.recipes.sizes import size_for
@@ -33,7 +33,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_the_table_says_how_each_is_read_and_why_one_is_not(folder: Path) -> None:
     found = inspect(folder)
-    assert [row[2] for row in found.rows if row[3] == "used"] == [
+    assert [row.read_as for row in found.used] == [
         "luminance on dark background",
         "luminance on light background",
         "alpha",
@@ -47,8 +47,8 @@ def test_objects_in_parts_or_cut_off_are_told(tmp_path: Path) -> None:
     mask = np.zeros((60, 60), np.uint8)
     mask[10:30, 5:25] = mask[30:60, 35:55] = 255
     Image.fromarray(mask).save(tmp_path / "a.png")
-    ((_, _, read_as, _),) = inspect(tmp_path).rows
-    assert read_as == "luminance on dark background, in 2 parts, cut off by the border it seems"
+    (row,) = inspect(tmp_path).rows
+    assert row.read_as == "luminance on dark background, in 2 parts, cut off by the border it seems"
 
 
 @pytest.mark.parametrize("strange", [2, 3])
@@ -121,9 +121,9 @@ def test_the_verb_shows_the_size_that_the_recipe_takes(folder: Path, capsys, rec
 
 
 def test_the_verb_shows_shapes_unless_told_otherwise_and_obeys_a_size(folder: Path, capsys) -> None:
-    run("inspect", folder)
+    inspect_path(folder)
     assert "3 of 1 x 32 x 32" in capsys.readouterr().out
-    run("inspect", folder, out=folder / "out/sheet.png", size=48)
+    inspect_path(folder, out=folder / "out/sheet.png", size=48)
     assert "3 used, 1 skipped" in capsys.readouterr().out
     with Image.open(folder / "out/sheet.png") as sheet:
         assert sheet.size == (3 * 96, 96)
@@ -133,19 +133,19 @@ def test_the_verb_shows_shapes_unless_told_otherwise_and_obeys_a_size(folder: Pa
 
 def test_digits_are_shown_as_they_are(tmp_path: Path, capsys) -> None:
     Image.fromarray(np.tile(np.linspace(0, 255, 28).astype(np.uint8), (28, 1))).save(tmp_path / "ramp.png")
-    run("inspect", tmp_path, for_="digits", out=tmp_path / "sheet/a.png")
+    inspect_path(tmp_path, for_="digits", out=tmp_path / "sheet/a.png")
     assert "pictures: 1 of 1 x 32 x 32" in capsys.readouterr().out
     with Image.open(tmp_path / "sheet/a.png") as sheet:
         assert len(np.unique(np.asarray(sheet.convert("L")))) > 20
     with pytest.raises(UserError, match="--for digits: takes pictures as they are"):
-        run("inspect", tmp_path, for_="digits", threshold=0.5)
+        inspect_path(tmp_path, for_="digits", threshold=0.5)
 
 
 def test_lines_are_shown_as_graphs(tmp_path: Path, capsys) -> None:
     lines = np.zeros((3, 16), np.float32)
     lines[:, 4:8] = [[0.1], [0.2], [0.4]]
     np.savez(tmp_path / "scans.npz", lines=lines, angle=np.array([0.0, 0.5, 3.0]))
-    run("inspect", tmp_path / "scans.npz", for_="digits", out=tmp_path / "sheet.png")
+    inspect_path(tmp_path / "scans.npz", for_="digits", out=tmp_path / "sheet.png")
     text = capsys.readouterr().out
     assert "angle: 0.0° to 171.9°" in text and "readings: 0 to 0.4, taken as they are" in text
     assert "lines: 3 of 1 x 16; views: angle" in text and "00000  1 x 16  line" in text
@@ -158,7 +158,7 @@ def test_volumes_are_shown_shaded(tmp_path: Path, capsys) -> None:
     volume = np.zeros((3, 32, 32, 32), bool)
     volume[:, 8:24, 4:28, 8:24] = True
     np.savez(tmp_path / "a.npz", volume=volume)
-    run("inspect", tmp_path / "a.npz", out=tmp_path / "sheet.png")
+    inspect_path(tmp_path / "a.npz", out=tmp_path / "sheet.png")
     assert "volumes: 3 of 32 x 32 x 32" in capsys.readouterr().out
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.size == (3 * 96, 96) and len(np.unique(np.asarray(sheet))) > 5
@@ -194,19 +194,19 @@ def test_textures_are_not_packed_as_silhouettes_unless_asked(
 
 def test_an_unknown_recipe_is_a_mistake(folder: Path) -> None:
     with pytest.raises(UserError, match="no recipe 'shaps'"):
-        run("inspect", folder, for_="shaps")
+        inspect_path(folder, for_="shaps")
 
 
 def test_the_verb_shows_why_nothing_can_be_used_and_then_fails(tmp_path: Path, capsys) -> None:
     (tmp_path / "d.png").write_bytes(b"broken")
     with pytest.raises(UserError, match=r"none of the 1 pictures can be used \(d.png: unreadable"):
-        run("inspect", tmp_path)
+        inspect_path(tmp_path)
     assert "0 used, 1 skipped" in capsys.readouterr().out
     with pytest.raises(UserError, match="a contact sheet is a picture"):
         picture = Image.new("L", (40, 40))
         picture.paste(255, (10, 10, 30, 30))
         picture.save(tmp_path / "e.png")
-        run("inspect", tmp_path, out=tmp_path / "sheet.txt")
+        inspect_path(tmp_path, out=tmp_path / "sheet.txt")
 
 
 def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(tmp_path: Path) -> None:

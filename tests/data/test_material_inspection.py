@@ -12,7 +12,7 @@ from PIL import Image
 
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.cli.data import run
+from unproject.cli.data import inspect_path
 from unproject.data import OBSERVATIONS, holds_materials, inspect_materials, wood
 from unproject.data.readers.patches import side_to_cut_from
 from unproject.domains import Maps
@@ -36,7 +36,7 @@ def photographs(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("recipe", ["wood", "metal-paper"])
 def test_folders_of_photographs_are_shown_in_colour_a_row_for_each(tmp_path: Path, capsys, recipe: str) -> None:
     folder = photographs(tmp_path)
-    run("inspect", folder, for_=recipe, out=tmp_path / "sheet.png")
+    inspect_path(folder, for_=recipe, out=tmp_path / "sheet.png")
     text = capsys.readouterr().out
     assert (
         "9 used, 1 skipped" in text and "  diffuse: 3 maps; 80 x 70 pixels" in text and text.startswith("top/bad.png")
@@ -59,7 +59,7 @@ def test_few_kinds_have_more_rows(tmp_path: Path) -> None:
     (tmp_path / "daylight").mkdir()
     for k in range(20):
         Image.new("RGB", (64, 64), (10 * k, 90, 60)).save(tmp_path / "daylight" / f"{k:02}.png")
-    run("inspect", tmp_path, for_="wood", out=tmp_path / "sheet.png")
+    inspect_path(tmp_path, for_="wood", out=tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.size == (8 * CELL, 3 * CELL + _CAPTION)
 
@@ -68,7 +68,7 @@ def test_a_specular_and_a_roughness_map_are_shown_grey(tmp_path: Path) -> None:
     for name in ("specular", "roughness"):
         (tmp_path / name).mkdir()
         Image.new("L", (64, 64), 128).save(tmp_path / name / "a.png")
-    run("inspect", tmp_path, for_="wood", out=tmp_path / "sheet.png")
+    inspect_path(tmp_path, for_="wood", out=tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as sheet:
         specular, roughness = (sheet.getpixel((66, k * (CELL + _CAPTION) + _CAPTION + 66)) for k in range(2))
     assert specular == (186, 186, 186) and roughness == (64, 64, 64)  # γ = 2.2; m = r²
@@ -109,7 +109,7 @@ def textures(tmp_path: Path) -> Path:
 
 
 def test_texture_sets_are_shown_as_their_maps_and_lit(tmp_path: Path, capsys) -> None:
-    run("inspect", textures(tmp_path), for_="wood", out=tmp_path / "sheet.png")
+    inspect_path(textures(tmp_path), for_="wood", out=tmp_path / "sheet.png")
     text = capsys.readouterr().out
     assert "2 used, 1 skipped" in text and "patches: 64 of 8 x 64 x 64" in text and text.startswith("elm")
     assert "materials: 2 of 256 x 256 texels" in text
@@ -133,7 +133,7 @@ def test_stray_pictures_and_enlarged_materials_are_said(tmp_path: Path, capsys) 
         Image.new("RGB", (20, 20)).save(folder / name)
     found = inspect_materials(folder, 128)
     assert sorted(row[0] for row in found.skipped) == ["elm", "notes.jpg", "oak/IMG_2041.png"]
-    assert ("oak", "256 x 256", "material", "used") in found.rows
+    assert ("oak", "256 x 256", "material", "") in found.rows
     assert "2 of them are smaller and were enlarged: ash, oak" in found.notes
     assert not any("enlarged" in note for note in inspect_materials(folder, 64).notes)
 
@@ -146,10 +146,10 @@ def test_paths_that_clearly_hold_materials_need_no_recipe(tmp_path: Path, capsys
         assert holds_materials(folder)
         assert main(["data", "inspect", str(folder), "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["for"] == "materials"
-    run("inspect", tmp_path / "b")
+    inspect_path(tmp_path / "b")
     assert "read as materials, which the recipe materials learns; --for shapes" in capsys.readouterr().out
     with pytest.raises(UserError, match="none of the 10 pictures can be used"):
-        run("inspect", tmp_path / "a", for_="shapes")
+        inspect_path(tmp_path / "a", for_="shapes")
 
 
 def test_silhouettes_are_no_materials(tmp_path: Path, capsys) -> None:
@@ -160,7 +160,7 @@ def test_silhouettes_are_no_materials(tmp_path: Path, capsys) -> None:
         (tmp_path / "masks" / name).mkdir(parents=True)
         mask.save(tmp_path / "masks" / name / "0.png")
     assert not holds_materials(tmp_path / "masks")
-    run("inspect", tmp_path / "masks")
+    inspect_path(tmp_path / "masks")
     assert "silhouettes: 5" in capsys.readouterr().out
     textures(tmp_path)
     assert holds_materials(tmp_path)
@@ -175,9 +175,9 @@ def test_silhouettes_are_no_materials(tmp_path: Path, capsys) -> None:
 
 def test_framing_is_for_silhouettes(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no pixel reaches the threshold"):
-        run("inspect", photographs(tmp_path), mode="crop", threshold=0.5)
+        inspect_path(photographs(tmp_path), mode="crop", threshold=0.5)
     with pytest.raises(UserError, match="takes pictures as they are"):
-        run("inspect", tmp_path, for_="wood", threshold=0.5)
+        inspect_path(tmp_path, for_="wood", threshold=0.5)
 
 
 def test_photographs_taken_for_silhouettes_are_told_of_materials(tmp_path: Path, capsys) -> None:
@@ -186,13 +186,13 @@ def test_photographs_taken_for_silhouettes_are_told_of_materials(tmp_path: Path,
     Image.fromarray(picture).save(tmp_path / "a.jpg", quality=95)
     for name in ("b.jpg", "c.jpg"):  # nothing stands out of them, as of most surfaces
         Image.fromarray(np.full((60, 60, 3), 120, np.uint8)).save(tmp_path / name)
-    run("inspect", tmp_path)
+    inspect_path(tmp_path)
     assert "read as silhouettes of objects; --for materials" in capsys.readouterr().out
-    run("inspect", tmp_path, for_="shapes")
+    inspect_path(tmp_path, for_="shapes")
     assert "read as silhouettes of objects" not in capsys.readouterr().out
     (tmp_path / "a.jpg").unlink()
     with pytest.raises(UserError, match="none of the 2 pictures can be used .* surfaces are read with --for materials"):
-        run("inspect", tmp_path)
+        inspect_path(tmp_path)
 
 
 def archive(path: Path) -> Path:
@@ -204,7 +204,7 @@ def archive(path: Path) -> Path:
 def test_an_archive_of_maps_of_the_recipes_size_is_taken_as_it_is(tmp_path: Path, capsys) -> None:
     found = inspect_materials(archive(tmp_path / "a.npz"), 64)
     assert torch.equal(found.collections["materials"].items, wood(2, 64))
-    run("inspect", tmp_path / "a.npz", for_="wood", out=tmp_path / "sheet.png")
+    inspect_path(tmp_path / "a.npz", for_="wood", out=tmp_path / "sheet.png")
     assert "materials: 2 of 64 x 64 texels" in capsys.readouterr().out
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.size == (5 * CELL, 2 * (CELL + _CAPTION))
@@ -214,7 +214,7 @@ def test_names_that_are_not_distinct_and_maps_that_are_not_square(tmp_path: Path
     """Each has a row of its own; square patches are cut out of what is not square, in training too."""
     maps = {name: value[..., :48, :].numpy() for name, value in unpack_maps(wood(3, 64)).items()}
     np.savez(tmp_path / "a.npz", names=np.array(["a", "a", "b"]), **maps)  # pyright: ignore[reportArgumentType]
-    run("inspect", tmp_path / "a.npz", for_="wood", out=tmp_path / "sheet.png")
+    inspect_path(tmp_path / "a.npz", for_="wood", out=tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.height == 3 * (CELL + _CAPTION)
     assert inspect_materials(tmp_path / "a.npz", 32).collections["patches"].shape == (8, 32, 32)

@@ -15,7 +15,7 @@ from PIL import Image
 
 from unproject._types import UserError
 from unproject.cli import main
-from unproject.data import Collection, How, mapped, pack, picture_count, read, side_of
+from unproject.data import Collection, ReadOptions, mapped, pack, picture_count, read, side_of
 from unproject.data import packing as packing_module
 from unproject.data.lazy import Lazy
 from unproject.data.readers import archives
@@ -51,7 +51,7 @@ def test_a_pack_holds_what_the_folder_is_read_as(masks: Path, monkeypatch: pytes
     rows = [f"{n:02d}.png,{10 * n + 720 * (n == 5)}" for n in range(COUNT)]  # turntables count on
     (masks / "views.csv").write_text("\n".join(["file,azimuth", *rows]), encoding="utf-8")
     done: list[tuple[int, int]] = []
-    made = pack(masks, masks.parent / "p.npz", How(16), lambda *files: done.append(files))
+    made = pack(masks, masks.parent / "p.npz", ReadOptions(16), lambda *files: done.append(files))
     packed, folder = Collection.silhouettes(made.path), Collection.silhouettes(masks, 16)
     assert isinstance(packed.stored, Lazy) == (archives.MAPPED == 0)
     assert torch.equal(packed.items, folder.items) and packed.items.dtype == torch.uint8 and packed.white == 255
@@ -67,7 +67,7 @@ def test_a_pack_holds_what_the_folder_is_read_as(masks: Path, monkeypatch: pytes
 @pytest.mark.usefixtures("_of_any_size")
 @pytest.mark.parametrize("size", [None, 16, 24])
 def test_images_and_other_sizes_are_made_by_the_batch(masks: Path, size: int | None) -> None:
-    made = pack(masks, masks.parent / "p.npz", How(size, images=True))
+    made = pack(masks, masks.parent / "p.npz", ReadOptions(size, images=True))
     packed, folder = Collection.images(made.path), Collection.images(masks, size)
     assert torch.equal(packed.items, folder.items) and packed.names == folder.names
     np.savez_compressed(masks.parent / "eager.npz", images=packed.items.numpy())
@@ -85,7 +85,7 @@ def test_pictures_of_16_bits_stay_floats(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(packing_module, "PART", 1)
     Image.fromarray(np.full((9, 9), 51, np.uint8)).save(tmp_path / "a.png")
     Image.fromarray(np.full((9, 9), 257, np.uint16)).save(tmp_path / "b.png")
-    made = pack(tmp_path, tmp_path / "out" / "p.npz", How(images=True))
+    made = pack(tmp_path, tmp_path / "out" / "p.npz", ReadOptions(images=True))
     found = Collection.images(made.path)
     assert found.items.dtype == torch.float32
     assert found.items.amax((1, 2, 3)).tolist() == pytest.approx([0.2, 257 / 65535])
@@ -96,13 +96,13 @@ def test_a_pack_belongs_to_its_files_and_to_how_they_were_read(masks: Path, monk
     monkeypatch.setattr(packing_module, "PART", 4)
     monkeypatch.setattr(packing_module, "_pack_of", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
-        pack(masks, out, How(16))
+        pack(masks, out, ReadOptions(16))
     assert len(list(masks.parent.glob(".p.npz.*.parts/*.npz"))) == 3 and not out.exists()
     monkeypatch.undo()
     monkeypatch.setattr(packing_module, "PART", 4)
     (masks / "00.png").unlink()
-    assert pack(masks, out, How(16)).count == 8
-    assert pack(masks, out, How(24)).shape == (1, 24, 24)
+    assert pack(masks, out, ReadOptions(16)).count == 8
+    assert pack(masks, out, ReadOptions(24)).shape == (1, 24, 24)
 
 
 def test_a_part_is_written_whole_or_not_at_all(masks: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,10 +112,10 @@ def test_a_part_is_written_whole_or_not_at_all(masks: Path, monkeypatch: pytest.
 
     monkeypatch.setattr(packing_module.np, "savez", cut_off)
     with pytest.raises(OSError, match="no space left"):
-        pack(masks, masks.parent / "p.npz", How(16))
+        pack(masks, masks.parent / "p.npz", ReadOptions(16))
     assert not list(masks.parent.glob(".p.npz.*.parts/*"))
     monkeypatch.undo()
-    assert pack(masks, masks.parent / "p.npz", How(16)).count == COUNT - 1
+    assert pack(masks, masks.parent / "p.npz", ReadOptions(16)).count == COUNT - 1
 
 
 @pytest.mark.parametrize("seed", [0])
@@ -145,14 +145,14 @@ def no_sizes(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "how", "message"),
     [
-        (no_picture, How(16), "none of the 10 pictures can be used"),
-        (no_sizes, How(images=True), "pictures are of different sizes"),
-        (lambda folder: None, How(16, strict=True), r"03\.png: unreadable.*leave out --strict"),
-        (lambda folder: None, How(2), "a size of 2 is out of range"),
+        (no_picture, ReadOptions(16), "none of the 10 pictures can be used"),
+        (no_sizes, ReadOptions(images=True), "pictures are of different sizes"),
+        (lambda folder: None, ReadOptions(16, strict=True), r"03\.png: unreadable.*leave out --strict"),
+        (lambda folder: None, ReadOptions(2), "a size of 2 is out of range"),
     ],
     ids=["no-picture", "sizes", "strict", "size"],
 )
-def test_what_cannot_be_packed(masks: Path, change: object, how: How, message: str) -> None:
+def test_what_cannot_be_packed(masks: Path, change: object, how: ReadOptions, message: str) -> None:
     assert callable(change)
     change(masks)
     with pytest.raises(UserError, match=message):
@@ -162,13 +162,13 @@ def test_what_cannot_be_packed(masks: Path, change: object, how: How, message: s
 
 def test_a_pack_is_an_npz(masks: Path) -> None:
     with pytest.raises(UserError, match=r"p\.npy: a pack is an \.npz"):
-        pack(masks, masks.parent / "p.npy", How(16))
+        pack(masks, masks.parent / "p.npy", ReadOptions(16))
 
 
 def test_names_that_are_no_text_and_names_with_brackets(masks: Path) -> None:
     (masks / "00.png").rename(masks / os.fsdecode(b"\xff.png"))
     out = masks.parent / "p[1].npz"
-    assert pack(masks, out, How(16)).count == COUNT - 1
+    assert pack(masks, out, ReadOptions(16)).count == COUNT - 1
     assert [file.name for file in masks.parent.iterdir() if file.name.startswith(".")] == []
 
 
@@ -189,5 +189,5 @@ def test_a_recipe_that_is_not_there_is_refused(masks: Path, action: str, capsys:
 def test_a_pipe_is_not_replaced(masks: Path, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.npz")
     with pytest.raises(UserError, match="device; give the name of a file"):
-        pack(masks, tmp_path / "pipe.npz", How(16))
+        pack(masks, tmp_path / "pipe.npz", ReadOptions(16))
     assert [path.name for path in tmp_path.glob("*.npz")] == ["pipe.npz"]

@@ -13,7 +13,18 @@ from torch import Tensor
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.projections.priors import TURN, Bins, Cap, Empirical, Mixture, Prior, Product, Uniform, sample_each
+from unproject.projections.priors import (
+    TURN,
+    Bins,
+    Cap,
+    Empirical,
+    Mixture,
+    Prior,
+    Product,
+    Uniform,
+    factors_of,
+    sample_each,
+)
 from unproject.testing import check_prior, run_laws
 
 TABLE = {"azimuth": torch.tensor([0.1, 0.2, 3.0]), "elevation": torch.tensor([1.0, 0.0, -1.0])}
@@ -235,3 +246,9 @@ def test_every_row_is_drawn_from_its_own_prior() -> None:
 def test_a_single_angle_contains_itself_in_single_precision(edge: float) -> None:
     prior = Uniform("angle", edge, edge, period=math.pi)
     assert bool(prior.contains(prior.sample(8, torch.Generator())).all())
+
+
+def test_factors_of_nested_products_are_flat() -> None:
+    a, b, c = (Uniform(name, 0, 1) for name in "abc")
+    assert factors_of(Product(a, Product(b, c))) == (a, b, c)
+    assert factors_of(a) == (a,) and factors_of(Product()) == ()

@@ -374,7 +374,7 @@ def test_photographs_are_standardised_before_they_are_compared(tmp_path: Path) -
     scene = panel.projection
     assert isinstance(scene, Standardised)
     trained_on = panel.batch(torch.arange(12))
-    (state,) = run.assignments(recipe)
+    (state,) = run.assignments()
     expected = run.domain.projection_scores(projected(state, run.sample(12), 0), trained_on, 0)
     found = run.evaluate(scene.restore(trained_on), n=12)
     assert expected

@@ -53,7 +53,7 @@ def test_views_are_found_far_above_chance(tmp_path: Path) -> None:
         views_per_sample=4,
         steps=120,
     )
-    scores = train(recipe, tmp_path, quiet=True).evaluate(n=16, recipe=recipe)
+    scores = train(recipe, tmp_path, quiet=True).evaluate(n=16)
     assert scores["view_chance_exact"].value < 0.2
     assert scores["view_exact"].value > 0.35 and scores["view_within_one"].value > 0.55
     assert scores["view_information"].value > 1.0

@@ -30,7 +30,7 @@ from unproject.ops.microfacet import Reflection
 from unproject.projections import Identity, Rendering
 from unproject.projections.observation import Observation
 from unproject.report import write_report, writing
-from unproject.report.contents import Contents
+from unproject.report.contents import Contents, read_contents
 from unproject.report.curves import charts_of
 from unproject.report.materials import material_data
 from unproject.report.sections import views_of
@@ -110,6 +110,32 @@ def viewer_data(page: str) -> dict[str, object]:
 
 
 # What it says
+
+
+@pytest.mark.parametrize("domain", list(SHAPES))
+def test_meshes_are_offered_of_shapes_alone(runs: Callable[[str], Run], tmp_path: Path, domain: str) -> None:
+    page = write_report(runs(domain), tmp_path / "report.html").read_text()
+    assert ("--to glb" in page) == (domain == "volumes")
+
+
+@pytest.mark.parametrize(
+    "told, kind",
+    [
+        ({}, "volumes"),
+        ({"domain": {"type": "unproject.domains.images:Images"}}, "images"),
+        ({"domain": {"type": "mine:Signals"}}, ""),
+        ({"generator": {"call": "mine:Shapes"}}, ""),
+        ({"generator": {"call": "os:system"}}, ""),
+        ({"generator": 3}, ""),
+        ({"domain": 3}, ""),
+        ({"domain": {"type": ["a"]}}, ""),
+    ],
+)
+def test_what_a_run_makes_is_told_without_code_of_the_users(shapes: Run, told: dict[str, object], kind: str) -> None:
+    stored = json.loads((shapes.path / "recipe.json").read_text())
+    stored["resolved"] |= told
+    (shapes.path / "recipe.json").write_text(json.dumps(stored))
+    assert read_contents(shapes.path).kind == kind
 
 
 TITLES = ("Verdict", "Samples", "Samples over time", "Training", "Data", "Commands", "Environment")

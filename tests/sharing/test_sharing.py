@@ -43,9 +43,9 @@ def test_a_shared_run_can_be_fitted_and_is_small(run: Path, tmp_path: Path) -> N
     kinds = {name.split("/")[0] for name in names}
     assert kinds == {"average", "panels"} and not any("optimiser" in name for name in names)
     opened = up.load(shared)
-    states = opened.assignments(opened.recipe())
+    states = opened.assignments()
     before = up.load(run)
-    assert states[0].views.equal(before.assignments(before.recipe())[0].views)
+    assert states[0].views.equal(before.assignments()[0].views)
     sizes = [sum(file.stat().st_size for file in path.rglob("*.safetensors")) for path in (shared, run)]
     assert sizes[0] < sizes[1] / 3
 

@@ -42,12 +42,12 @@ def test_true_views_are_the_bins_of_the_known_latents() -> None:
 
 
 def test_assigned_views_are_those_of_the_newest_checkpoint(run: Run) -> None:
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     assert len(state.views) == 2 * CHAIRS and torch.equal(state.views, state.heads)
 
 
 def test_views_are_scored_where_they_are_known(run: Run) -> None:
-    scores = {name: score for name, score in run.evaluate(n=8, recipe=RECIPE).items() if name.startswith("view_")}
+    scores = {name: score for name, score in run.evaluate(n=8).items() if name.startswith("view_")}
     assert {"view_exact", "view_within_one", "view_chance_exact", "view_information"} <= scores.keys()
     assert all(0 <= score.value <= 100 for score in scores.values())
 
@@ -57,7 +57,7 @@ def test_a_perfect_assignment_scores_perfectly(run: Run, monkeypatch: pytest.Mon
     true = true_views(only_panel(RECIPE))
     assert true is not None
     monkeypatch.setattr("unproject.assignment.predicted.PredictedState.estimates", lambda self: (1 - true) % BINS)
-    assert run.evaluate(n=8, recipe=RECIPE)["view_exact"].value == pytest.approx(1.0)
+    assert run.evaluate(n=8)["view_exact"].value == pytest.approx(1.0)
 
 
 def test_an_assignment_at_random_scores_about_chance(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +65,7 @@ def test_an_assignment_at_random_scores_about_chance(run: Run, monkeypatch: pyte
     assert true is not None
     shuffled = true[torch.randperm(len(true), generator=torch.Generator().manual_seed(0))]
     monkeypatch.setattr("unproject.assignment.predicted.PredictedState.estimates", lambda self: shuffled)
-    scores = run.evaluate(n=8, recipe=RECIPE)
+    scores = run.evaluate(n=8)
     assert abs(scores["view_exact"].value - scores["view_chance_exact"].value) < 0.2 < 1 - scores["view_exact"].value
 
 
@@ -73,7 +73,7 @@ def test_without_a_reference_a_run_is_checked_by_itself(tmp_path: Path) -> None:
     """Samples by themselves, their projections against the training images, and nothing of views that are known."""
     recipe = toy(steps=1, views="known")
     train(recipe, tmp_path, quiet=True)
-    scores = load(tmp_path).evaluate(n=12, recipe=recipe)
+    scores = load(tmp_path, recipe=recipe).evaluate(n=12)
     assert {"diversity", "in_one_piece", "empty", "mmd_iou_silhouette"} <= scores.keys()
     assert "training images" in scores["mmd_iou_silhouette"].protocol
     assert not [name for name in scores if name.startswith("view")]
@@ -118,20 +118,20 @@ def test_samples_without_parts_stay_as_they_are() -> None:
 def test_shapes_score_perfectly_against_themselves(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = chairs(12, SIZE, seed=3)
     monkeypatch.setattr(type(run.generator), "sample", lambda self, n, seed=0: shapes)
-    scores = run.evaluate(Collection(shapes), n=12, recipe=RECIPE)
+    scores = run.evaluate(Collection(shapes), n=12)
     assert scores["mmd_iou"].value == pytest.approx(0.0, abs=1e-6) and scores["cov_iou"].value == 1.0
     assert scores["in_one_piece"] == run.domain.checks(shapes)["in_one_piece"]
 
 
 def test_a_reference_that_fits_nothing_is_refused(run: Run) -> None:
     with pytest.raises(UserError, match=r"references are of shape \(5,\); give samples or projections"):
-        run.evaluate(torch.zeros(8, 5), n=8, recipe=RECIPE)
+        run.evaluate(torch.zeros(8, 5), n=8)
 
 
 def test_projections_are_scored_in_views_as_frequent_as_the_datas(run: Run) -> None:
-    scores = run.evaluate(only_panel(RECIPE).collections[0], n=24, recipe=RECIPE)
+    scores = run.evaluate(only_panel(RECIPE).collections[0], n=24)
     assert {"mmd_iou_silhouette", "in_one_piece"} <= scores.keys()
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     state.views.fill_(2)
     assert set(AssignmentState.draw_views(state, 50, torch.Generator()).tolist()) == {2}
 
@@ -209,7 +209,7 @@ def test_of_anchors_beside_lines_of_unknown_direction_the_lines_are_scored(tmp_p
 def test_fewer_than_one_sample_is_no_score(run: Run) -> None:
     for n in (0, -1):
         with pytest.raises(UserError, match=f"n={n} samples: give at least 1"):
-            run.evaluate(n=n, recipe=RECIPE)
+            run.evaluate(n=n)
 
 
 def test_an_odd_number_of_views_is_scored_without_views(tmp_path: Path) -> None:
@@ -220,14 +220,14 @@ def test_an_odd_number_of_views_is_scored_without_views(tmp_path: Path) -> None:
     panel = replace(recipe.panels[0], observations=views, data=seen)
     recipe = recipe.replace(panels=[panel])
     run = train(recipe, tmp_path, quiet=True)
-    assert not {"view_exact", "view_within_one"} & run.evaluate(n=8, recipe=recipe).keys()
-    scores = run.evaluate(chairs(8, SIZE), n=8, recipe=recipe)
+    assert not {"view_exact", "view_within_one"} & run.evaluate(n=8).keys()
+    scores = run.evaluate(chairs(8, SIZE), n=8)
     assert "mmd_iou" in scores and "of 20" in scores["mmd_iou"].protocol
 
 
 def test_the_frame_of_a_run_is_told_by_known_views_of_training(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of one whose views were all found, a quarter turn on; of one that found none; and of one that was given them."""
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     true = true_views(state.panel)
     assert true is not None
     monkeypatch.setattr(state, "estimates", lambda: (true + 1) % BINS)

@@ -80,7 +80,7 @@ def test_until_they_begin_priors_draw(tmp_path: Path) -> None:
     level = train(toy(steps=8), tmp_path / "level", quiet=True)
     losses = [[line["loss_g"] for line in stats(one.path) if "loss_g" in line] for one in (run, level)]
     assert losses[0][:2] == losses[1][:2] and losses[0][2:] != losses[1][2:]
-    begun = run.assignments(recipe)[0].learned
+    begun = run.assignments()[0].learned
     assert begun is not None and "elevation" in begun.draw(1, torch.Generator())
 
 

@@ -149,7 +149,7 @@ def test_predicted_views_of_held_out_images_are_predicted_with_the_others(
     assert torch.equal(tensors["panels/0/assignment/heads"], view_of(TRAIN.floats()))
     assert torch.equal(tensors["panels/0/assignment/held_out_heads"], view_of(HELD_OUT.floats()))
     assert torch.equal(tensors["panels/0/assignment/views"], tensors["panels/0/assignment/heads"])
-    assert run.assignments(recipe)[0].checks()["view_information"].n == len(TRAIN)
+    assert run.assignments()[0].checks()["view_information"].n == len(TRAIN)
 
 
 @pytest.mark.parametrize("views", ["learned", "single", "predicted"])

@@ -14,6 +14,7 @@ from toy import toy
 
 from unproject._types import UserError
 from unproject.adversarial.matching import Matching
+from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.data import Collection
 from unproject.training import load, resume, train
@@ -109,17 +110,23 @@ def test_a_run_within_its_own_data_does_not_learn_from_itself(tmp_path: Path) ->
     assert main(["evaluate", str(tmp_path / "runs" / "a"), "--n", "8"]) == 0
 
 
-def test_other_data_than_those_of_training_are_noticed(tmp_path: Path) -> None:
+def test_other_data_than_those_of_training_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recipe = toy(steps=1, views="known")
     run = load(train(recipe, tmp_path, quiet=True).path, trust=True)
+
+    def evaluate_with(panel: Panel) -> None:
+        """Evaluate the run, whose recipe function reads these data by now."""
+        monkeypatch.setattr("unproject.training.run.rebuild", lambda *of: recipe.replace(panels=[panel]))
+        run.evaluate(n=8)
+
     panel = recipe.panels[0]
     first, *others = panel.collections
     other = replace(panel, data=(Collection(first.items.flip(3), latents=first.latents), *others))
     with pytest.warns(UserWarning, match="its data are others than in training"):
-        run.evaluate(n=8, recipe=recipe.replace(panels=[other]))
+        evaluate_with(other)
     fewer = replace(panel, data=(first.subset(range(len(first) - 2)), *others))
     with pytest.raises(UserError, match=rf"trained on other data \({len(first)}, .* then, {len(first) - 2}, .* now\)"):
-        run.evaluate(n=8, recipe=recipe.replace(panels=[fewer]))
+        evaluate_with(fewer)
 
 
 def test_a_training_that_never_begins_leaves_the_place_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -135,7 +135,7 @@ def test_a_start_too_short_to_tell_goes_on(tmp_path: Path) -> None:
 
 def test_the_merit_of_predicted_views_is_their_information(tmp_path: Path) -> None:
     run = train(RECIPE, tmp_path / "run", quiet=True)
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     assert state.merit() == pytest.approx(state.checks()["view_information"].value)
     assert toy(views="known").panels[0].assignment.begin(toy(views="known").panels[0], 0).merit() == 0
 

@@ -120,7 +120,7 @@ def test_what_lay_near_a_held_out_picture_may_show_its_object(names: str, near: 
 
 
 def test_as_many_projections_as_training_pictures_that_count(run: Run) -> None:
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     seen = evidence(state, run.sample(8), 0)
     assert len(seen.generated) == len(seen.views) == round(seen.apart.float().sum(1).mean().item())
     assert seen.generated.shape[1:] == seen.real.shape[1:] and not bool(seen.apart.all())
@@ -172,7 +172,7 @@ def test_a_verdict_that_fails_loses_no_run(
 
 
 def test_panels_are_told_apart(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     alone = [f.name for f in judge(run.generator, run.domain, [state, state]).findings]
     assert alone.count("match") == 1 and "pieces" in alone  # of one kind
     monkeypatch.setattr(module, "by_name", lambda states: dict(zip(("a", "b"), states, strict=True)))
@@ -189,7 +189,7 @@ def test_few_pictures_are_doubtful_whatever_else_is_good(run: Run, monkeypatch: 
 
 def test_findings_of_several_panels_name_theirs(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "panel_findings", lambda *_: [finding(1, "far off")])
-    (state,) = run.assignments(RECIPE)
+    (state,) = run.assignments()
     alone, *_ = judge(run.generator, run.domain, [state]).findings
     monkeypatch.setattr(module, "by_name", lambda states: dict(zip(("a", "b"), states, strict=True)))
     first, *_ = judge(run.generator, run.domain, [state, state]).findings

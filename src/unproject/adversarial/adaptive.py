@@ -40,8 +40,7 @@ class Adaptive(Augmentation):
         rise: part of the budget in which the strength goes from 0 to 1 if r stays above `target`.
         start: strength at the start.
         most: strength at most: close to 1 the augmentation may leak. 0 only measures.
-        penalty: factor of the gradient penalty while the strength is at its most; in between, its power
-            penalty ** (strength / most).
+        penalty: factor of the gradient penalty at full strength; below, it is penalty ** (strength / most).
 
     Raises:
         UserError: for numbers out of range.

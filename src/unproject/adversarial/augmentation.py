@@ -86,8 +86,8 @@ class AugmentationState(nn.Module):
 class Sometimes(Augmentation):
     """Augment each image with probability `strength` and leave the others bit for bit.
 
-    While some images stay as they are, the distribution of T(y) tells that of y: a strength below 1 does not leak,
-    whatever the ranges of `augmentation` (Karras et al. 2020). Smaller ranges would not say that.
+    While some images stay as they are, the distribution of T(y) determines that of y: a strength below 1 does not leak,
+    whatever the ranges of `augmentation` (Karras et al. 2020). Smaller ranges instead would not guarantee that.
 
     Raises:
         UserError: for a strength outside of 0 to 1.

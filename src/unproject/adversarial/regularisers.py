@@ -59,10 +59,10 @@ class Rectilinear:
     rectangles of any length, 0.24 of discs and ellipses along the axes, 0.69 of rhombs. It depends neither on the
     plan's size nor on how dense it is.
 
-    No level camera sees this silhouette, and widths alone do not tell it: pictures that are wide or narrow are objects
-    that are, or the two sides of one long object, and both match them. Between such worlds a run drifts, to plans that
-    are round or pointed; this decides for sides and corners, which let pictures tell where the sides are. Bodies of
-    revolution, whose pictures do not object, become boxes.
+    No level camera sees this silhouette, and widths alone do not determine it: wide and narrow pictures can be of wide
+    and narrow objects, or of two sides of one long object, and both match. Between such solutions a run drifts, to
+    plans that are round or pointed; this term prefers flat sides and corners, from which views can be inferred. Bodies
+    of revolution, which pictures cannot rule out, become boxes.
 
     w is `weight` up to the part `until` of the budget, in which tries are made too, falls geometrically to `final` up
     to a quarter more, and stays there. `Solid` prefers a disc to a square of the same mean width, by 0.24 times its own
@@ -115,10 +115,10 @@ class Varied:
     W = ½ Σ |∂m/∂z| and D = ½ Σ |∂m/∂x|, the sides of a rectangle along x and z, and Y is the height,
     Σ_y (1 - exp(-density Σ_xz p)). Shapes that differ by much more than s = `spread` are not pushed.
 
-    Where pictures are wide or narrow, objects may be, or the two sides of one object; both match. A generator whose
-    shapes hardly differ yet explains it by sides, views are assigned accordingly, and so it stays: all objects have
-    one plan, or one side the same to a voxel. As little as this decides for objects that differ, where pictures do not
-    tell; where views are told by more than widths, discriminators object.
+    Wide and narrow pictures can be of different objects, or of two sides of one; both match. A generator whose shapes
+    hardly differ yet explains them by sides, views are assigned accordingly, and so it stays: all objects have one
+    plan, or one side the same to a voxel. A weight as small as this decides for objects that differ where pictures
+    leave it open; where they do not, discriminators override it.
 
     w is 0 up to the part `begin` of the budget and rises to `weight` by half as much again. Where views can be told
     they are found first: from the start on it would make cars as wide as they are long.

@@ -53,8 +53,8 @@ class JointlyPredicted(Predicted):
 
     Args:
         weight: w, of the information in the generator's loss, at the start.
-        fall: the parts of the budget between which a positive w falls, linearly, to 0, and a negative one comes in.
-            Once views are found, pictures hold them.
+        fall: the parts of the budget between which a positive w falls, linearly, to 0, and a negative one rises
+            to its full size. Once views are found, the pictures keep them.
         margin: nats by which the information of projections may exceed that of pictures; w falls over it, and over as
             much again to -weight.
         rate: Adam's learning rate of the predictor, β = (0.5, 0.999).

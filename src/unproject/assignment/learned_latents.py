@@ -31,8 +31,8 @@ class LearnedLatent:
         mean, spread: m and s at the start.
         low, high: limits of θ; what is below `low` is reflected there, what is above `high` becomes `high`.
         fixed_mean: learn s alone.
-        begin: the part of the budget from which on it is learned; until then priors draw it, unless it may be left out.
-            What latents of more effect hold is found first: elevations of any spread explain pictures of any width.
+        begin: the part of the budget after which it is learned. Until then priors draw it, or it is left out where it
+            is optional. Latents of more effect come first: elevations of any spread explain pictures of any width.
         negligible: if |m| + s falls below it, θ is 0 from then on; projections with θ = 0 may be faster.
         rate: Adam's learning rate of log s, and of m in units of `spread`, β = (0.5, 0.99).
 

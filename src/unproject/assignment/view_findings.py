@@ -62,6 +62,7 @@ def world_finding(of_real: float, of_generated: float, n: int) -> Finding:
     """Judge whether generated shapes are more telling of views than real pictures are."""
     ratio = of_real / of_generated
     how = f"information of pictures over that of projections of samples, {of_generated:.2f} nats"
-    says = f"pictures tell {ratio:.0%} of what generated shapes tell of views"
-    says = says if ratio > WORLD[0] else f"{says.replace('tell', 'tell only', 1)}: an artificial world"
+    few = "" if ratio > WORLD[0] else "only "
+    says = f"pictures hold {few}{ratio:.0%} of the view information of generated ones"
+    says += ": shapes are probably wrong" if few else ""
     return Finding("world", Score(ratio, how, n), *WORLD, says, "train longer, or try another --seed")

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from .._files import atomic_path, read_json, understood
+from .._files import atomic_path, read_json, understood, write_text
 from .._types import UserError, printable
 from ..data.readers.arrays import load_arrays
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
@@ -176,5 +176,4 @@ def _claim(file: Path, settings: dict[str, Any]) -> None:
 
 
 def _write_text(file: Path, text: str) -> None:
-    with atomic_path(file) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_text(file, text + "\n")

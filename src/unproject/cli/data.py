@@ -6,18 +6,38 @@ import inspect as inspect_module
 import json as json_format
 import os
 import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from .._objects import nearest
 from .._types import UserError, printable
-from ._arguments import find_recipe
+from ._arguments import HelpPrinted, bind, find_recipe
 
 if TYPE_CHECKING:
     from ..data import Framing, Inspection
 
 
-def run(
-    action: Literal["inspect", "pack", "get"],
+def parse(argv: Sequence[str]) -> Callable[[], Any]:
+    """Return what to call for `inspect PATH`, `pack FOLDER` or `get NAME`: each has flags of its own."""
+    first = argv[0] if argv else ""
+    if first in ("-h", "--help"):
+        print(usage())
+        raise HelpPrinted
+    if first not in ACTIONS:
+        choices = f"choose from {', '.join(ACTIONS)}; flags come behind"
+        raise UserError(f"data {first!r}: {choices}{nearest(first, ACTIONS)} (`unproject data --help`)")
+    return bind(f"data {first}", argv[1:], ACTIONS[first])[0]
+
+
+def usage() -> str:
+    """What `unproject data --help` prints."""
+    first = {name: (call.__doc__ or "").partition("\n")[0] for name, call in ACTIONS.items()}
+    lines = "\n".join(f"  {name:<8} {line}" for name, line in first.items())
+    return f"usage: unproject data {{{','.join(ACTIONS)}}} ...\n\n{lines}\n\n`unproject data ACTION --help` tells more."
+
+
+def inspect_path(
     path: Path,
     /,
     *,
@@ -30,43 +50,28 @@ def run(
     strict: bool = False,
     json: bool = False,
 ) -> None:
-    """Show what a recipe would be given of a path, what is skipped and why; pack a folder; get a public collection.
+    """Show what a recipe would be given of a path, what is skipped and why.
 
     Args:
-        action: `inspect` a collection; `pack` a folder of pictures into one .npz, once, from which `train --data`
-            starts at once whatever its size (what was packed before a kill is kept); or `get` a public one from the
-            network (the variable UNPROJECT_MIRROR names another address to take its files from).
-        path: A folder of pictures, an .npz, .npy or idx file, a 3-D collection, or materials; to get one, its name:
-            mnist.
-        for_: The recipe that is to learn from it: shapes, digits, materials, ..., or one of your own, which is taken to
-            learn shapes (default: materials for a path that clearly holds such, which `inspect` says, else shapes).
-        out: Write a contact sheet to this PNG file; or the pack to write (default: PATH.npz); or the folder to get a
-            collection into (default: the name of the collection).
-        size: Side of the pictures in pixels (default: the recipe's; of packed silhouettes twice that, since cropped
-            ones are framed anew).
+        path: A folder of pictures, an .npz, .npy or idx file, a 3-D collection, or materials.
+        for_: The recipe that is to learn from it: shapes, digits, materials, ..., or your own recipe, read as one for
+            shapes (default: materials if the path clearly holds materials, else shapes; it says which).
+        out: Write a contact sheet to this PNG file.
+        size: Side of the pictures in pixels (default: the recipe's).
         mode: Crop and centre the object, or keep it where it is (default: crop for folders, keep for arrays).
         threshold: Coverage at which a pixel belongs to the object (default: 0.5 for masks, 0.08 for photographs).
         polarity: Whether objects are light or dark, where pictures are opaque; auto reads it off the border (default).
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
     """
-    if action == "get":
-        from ..data import get
-
-        get(str(path), out or Path(path.name), os.environ.get("UNPROJECT_MIRROR"), print)
-        return
-    if action == "pack":
-        framing = _framing(path, mode, threshold, polarity)
-        _pack(path, out, for_ or _recipe_for(path, framing), size, framing, strict)
-        return
     framing = _framing(path, mode, threshold, polarity)
     recipe = for_ or _recipe_for(path, framing)
     found = _inspected(path, recipe, size, framing, strict)
     print(json_format.dumps({**found.as_dict(), "for": recipe}) if json else found.table())
     if not found.collections:
-        name, _, _, reason = found.rows[0]
+        first = found.rows[0]
         surfaces = "; photographs of surfaces are read with --for materials" if recipe == "shapes" else ""
-        why = f"none of the {len(found.rows)} pictures can be used ({name}: {reason}); fix one{surfaces}"
+        why = f"none of the {len(found.rows)} pictures can be used ({first.name}: {first.skipped}); fix one{surfaces}"
         raise UserError(f"{path}: {why}")
     if for_ is None and not json:
         _say_what_for(found, recipe)
@@ -80,6 +85,52 @@ def run(
             print(f"warning: {out}: lies in the folder and will be taken for data; move it", file=sys.stderr)
 
 
+def pack_folder(
+    path: Path,
+    /,
+    *,
+    for_: str | None = None,
+    out: Path | None = None,
+    size: int | None = None,
+    mode: Literal["crop", "keep"] | None = None,
+    threshold: float | None = None,
+    polarity: Literal["auto", "light", "dark"] | None = None,
+    strict: bool = False,
+) -> None:
+    """Pack a folder of pictures into one .npz, once, from which `train --data` starts at once whatever its size.
+
+    What was packed before a kill is kept.
+
+    Args:
+        path: A folder of pictures.
+        for_: The recipe that is to learn from it (default: shapes).
+        out: The pack to write (default: PATH.npz).
+        size: Side of the pictures in pixels (default: the recipe's; of silhouettes twice that, since cropped ones are
+            framed anew).
+        mode: Crop and centre the object (default), or keep it where it is.
+        threshold: Coverage at which a pixel belongs to the object (default: 0.5 for masks, 0.08 for photographs).
+        polarity: Whether objects are light or dark, where pictures are opaque; auto reads it off the border (default).
+        strict: Fail on the first file that cannot be used.
+    """
+    framing = _framing(path, mode, threshold, polarity)
+    _pack(path, out, for_ or _recipe_for(path, framing), size, framing, strict)
+
+
+def get_collection(name: str, /, *, out: Path | None = None) -> None:
+    """Get a public collection from the network (UNPROJECT_MIRROR names another address to take its files from).
+
+    Args:
+        name: mnist.
+        out: The folder to get it into (default: its name).
+    """
+    from ..data import get
+
+    get(name, out or Path(name), os.environ.get("UNPROJECT_MIRROR"), print)
+
+
+ACTIONS: dict[str, Callable[..., None]] = {"inspect": inspect_path, "pack": pack_folder, "get": get_collection}
+
+
 def _recipe_for(path: Path, framing: Framing | None) -> str:
     """Return the recipe that a path is for: framing makes sense of silhouettes only."""
     from ..data import holds_materials
@@ -91,7 +142,7 @@ def _say_what_for(found: Inspection, recipe: str) -> None:
     """Say which recipe was chosen, if another one may be meant."""
     if recipe == "materials":
         print("  read as materials, which the recipe materials learns; --for shapes reads silhouettes")
-    elif 2 * sum("photograph" in row[2] for row in found.rows) > sum(row[3] == "used" for row in found.rows):
+    elif 2 * sum("photograph" in row.read_as for row in found.used) > len(found.used):
         print("  read as silhouettes of objects; --for materials reads photographs of surfaces")
 
 
@@ -174,7 +225,7 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
     from rich.console import Console
     from rich.progress import Progress
 
-    from ..data import How, pack
+    from ..data import ReadOptions, pack
 
     find_recipe(recipe)
     kind = _kind_of(recipe)
@@ -191,8 +242,8 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
     out = out or whole.with_name(f"{whole.name}.npz")
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("packing")
-        how = How(size, images, framing=framing, strict=strict)
-        found = pack(path, out, how, lambda done, total: bar.update(task, completed=done, total=total))
+        options = ReadOptions(size, images=images, framing=framing, strict=strict)
+        found = pack(path, out, options, lambda done, total: bar.update(task, completed=done, total=total))
     for name, reason in found.skipped[:SHOWN]:
         print(printable(f"skipped {name}: {reason}"))
     shape = " x ".join(map(str, found.shape))

@@ -38,9 +38,9 @@ def run(
 ) -> None:
     """Score a run: its samples, or projections of them, against held-out ones; estimated views against known ones.
 
-    Samples are also checked by themselves: their diversity, and whether shapes are in one piece. Without a reference,
-    runs on data of your own are: projections against the training images, and what the view predictor knows. The
-    verdict is the worst of its findings.
+    Samples are also checked by themselves: their diversity, and whether shapes are in one piece. Without a reference
+    a run on data of your own is scored by its projections against the training images, and by how well the view
+    predictor knows views. The verdict is the worst of its findings.
 
     Args:
         path: the run directory.
@@ -61,9 +61,9 @@ def run(
     use_threads(threads)
     if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
-    opened = load(path, trust=trust).with_recipe(trust)
+    opened = load(path, trust=trust).with_recipe()
     size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
-    seen = {panel.observations[0].name: panel.shape for panel in opened.recipe(trust).panels}
+    seen = {panel.observations[0].name: panel.shape for panel in opened.recipe().panels}
     if reference is not None and (lights := _photographs_of(opened, reference, seen)):
         against = _photographs(reference, lights, size, seen)
     elif reference is not None:
@@ -72,7 +72,7 @@ def run(
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
     if ceiling and "view_ceiling_exact" not in scores:
-        none = "there is no ceiling but of predicted views, of pictures whose views are known"
+        none = "needs predicted views, and pictures whose true views are known"
         print(f"warning: --ceiling: {none}", file=sys.stderr)
     verdict = verdict_of(opened, seed)
     if json:

@@ -61,11 +61,11 @@ def run(
         scale: what readings of line integrals are divided by (default: what those of training were).
         to: the format of what is found (default: glb of shapes, maps of materials, png of images); see `export`.
         candidates: samples that are compared with the pictures first.
-        starts: of the descent, and explanations.
-        steps: of the descent.
-        rate: of the descent, in standard deviations of latents.
-        prior: weight of usual latents.
-        view_searches: how often views that are not known are searched anew during the descent.
+        starts: candidates that are optimised, and results returned.
+        steps: of the optimisation.
+        rate: Adam's learning rate, in standard deviations of latents.
+        prior: weight of the Gaussian prior of latents.
+        view_searches: how often views that are not known are searched anew during the optimisation.
         tune: steps that train the generator's own weights for these pictures alone, at the end.
         consistent: complete what is found so that it agrees with line integrals at known angles.
         novelty: compare pictures with those of training, which takes half a minute once a call (not with --light).
@@ -87,7 +87,7 @@ def run(
     opened = load(path, trust=trust)
     to = format_of(opened.domain, to)
     if light is None:
-        state = state_of(states := opened.assignments(opened.recipe(trust)), observation)
+        state = state_of(states := opened.assignments(), observation)
         viewing = framed_viewing(viewing_of(state, observation), pictures)
         frame = Frame.of(opened.domain, states, state)
         given = {} if view is None else given_view(view, viewing.projection.latents)

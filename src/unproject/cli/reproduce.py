@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Literal
 
-from .._files import atomic_path
+from .._files import write_text
 from .._types import UserError
 
 PARALLEL = {"cpu": 2, "gpu": 1}
@@ -57,8 +57,7 @@ def run(
         raise UserError(f"--data {data}: is no folder; give the one that holds the real collections")
     for name in STRUCTURES if figure == "all" else {figure} & set(STRUCTURES):
         text = structure(name)
-        with atomic_path(out / budget / f"{name}.txt") as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(out / budget / f"{name}.txt", text)
         print(text, end="")
     if figure in STRUCTURES:
         return

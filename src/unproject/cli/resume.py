@@ -34,7 +34,7 @@ def run(
         threads: processor threads (default: all cores).
         processes: processes on this machine, as many as before or not; on several machines use torchrun.
         log: tensorboard keeps the log as an event file of TensorBoard too, in PATH/tensorboard, from the first line on;
-            one that is there goes on without it.
+            an event file that is there is continued without this flag too.
         trust: import the recipe's code although it is not of this package.
         quiet: no progress bar, and no verdict on the screen.
     """

@@ -21,8 +21,8 @@ from .procedural.shapes.birds import birds
 from .procedural.shapes.cars import cars
 from .procedural.shapes.chairs import BACKS, BASES, PARAMETERS, build_chairs, chair_parameters, chairs
 from .readers.framing import AS_GIVEN, Framed, Framing, UnusablePicture, frame
-from .readers.how import How
 from .readers.lights import OBSERVATIONS, photographed, refuse_unsorted, unsorted
+from .readers.options import ReadOptions
 from .readers.patches import material_patches
 from .readers.probes import read_probe, read_probes, resample_probe
 from .readers.sides import detectors_of, picture_count, side_of
@@ -43,7 +43,7 @@ __all__ = [
     "Convention",
     "Framed",
     "Framing",
-    "How",
+    "ReadOptions",
     "Inspection",
     "Packed",
     "UnusablePicture",

@@ -27,7 +27,7 @@ from .lazy import Lazy, Rows
 from .readers.arrays import read_arrays
 from .readers.found import Found, chunks, to_floats, white_of
 from .readers.framing import Framing
-from .readers.how import How
+from .readers.options import ReadOptions
 from .readers.paths import find
 from .readers.photographs import find_photographs
 from .readers.shapes import UpAxis, find_volumes
@@ -82,7 +82,7 @@ class Collection:
             latents: the known views, name → (N,) values.
             skipped: (name, reason) of each file that is not used.
             source: where the items come from, for messages.
-            white: the uint8 value that stands for 1; default: 255 if there is a value above 1, else 1.
+            white: the uint8 value that stands for 1 (default: 255; of labels, 0 and one value up to 127, that value).
 
         Raises:
             UserError: if there is no item, a value is not finite, items are integers of another type (nothing says what
@@ -111,7 +111,7 @@ class Collection:
         Raises:
             UserError: if there is nothing there that can be used.
         """
-        return cls._of(find(path, How(size, framing=framing, strict=strict)), "pictures")
+        return cls._of(find(path, ReadOptions(size, framing=framing, strict=strict)), "pictures")
 
     @classmethod
     def images(cls, path: PathLike, size: int | None = None, *, colour: bool = False, strict: bool = False) -> Self:
@@ -127,7 +127,7 @@ class Collection:
         Raises:
             UserError: if there is nothing there that can be used.
         """
-        return cls._of(find(path, How(size, images=True, colour=colour, strict=strict)), "pictures")
+        return cls._of(find(path, ReadOptions(size, images=True, colour=colour, strict=strict)), "pictures")
 
     @classmethod
     def lines(cls, path: PathLike) -> Self:
@@ -136,7 +136,7 @@ class Collection:
         Raises:
             UserError: if there are none.
         """
-        return cls._of(read_arrays(Path(path), How()), "line integrals")
+        return cls._of(read_arrays(Path(path), ReadOptions()), "line integrals")
 
     @classmethod
     def volumes(

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from torch import Tensor
 
@@ -17,19 +17,27 @@ from .measured_lines import INTENSITIES, are_intensities, center_of, scale_of
 from .readers.arrays import unread_arrays
 from .readers.found import Found, check_size
 from .readers.framing import Framing
-from .readers.how import How
 from .readers.latents import LATENTS
+from .readers.options import ReadOptions
 from .readers.paths import holds_shapes
 from .readers.pictures import found_of, stacked, survey_pictures
 from .readers.shapes import is_shape_archive
 from .reading import read
 from .sampling import spread_rows
 
-Row = tuple[str, str, str, str]
 LINES, OFF = 50, 0.25
 """Lines of known angle that tell of their axis, and how many detectors from the middle are said."""
 SHOWN, COMPARED = 1024, 2**16
 """Pictures at most whose outlines are looked at."""
+
+
+class FileRow(NamedTuple):
+    """A file or item: its name, size, how it was read, and why it was skipped, "" if it is used."""
+
+    name: str
+    size: str = ""
+    read_as: str = ""
+    skipped: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,7 +47,7 @@ class Inspection:
     Attributes:
         source: the path.
         collections: what a training run would get, by name: one collection, or one for each observation.
-        rows: (name, size, how it was read, "used" or why it was skipped), one for each file or item.
+        rows: one for each file or item.
         notes: of materials, lines of text on what they are and what they show.
         materials: those of which patches are cut out, as they are.
         cropped: whether each picture is cropped to its object as it is read.
@@ -49,7 +57,7 @@ class Inspection:
 
     source: str
     collections: Mapping[str, Collection]
-    rows: tuple[Row, ...]
+    rows: tuple[FileRow, ...]
     notes: tuple[str, ...] = ()
     materials: Collection | None = None
     cropped: bool = False
@@ -57,15 +65,19 @@ class Inspection:
     size: int | None = None
 
     @property
-    def skipped(self) -> tuple[Row, ...]:
+    def skipped(self) -> tuple[FileRow, ...]:
         """The rows of what cannot be used."""
-        return tuple(row for row in self.rows if row[3] != "used")
+        return tuple(row for row in self.rows if row.skipped)
+
+    @property
+    def used(self) -> tuple[FileRow, ...]:
+        """The rows of what is used."""
+        return tuple(row for row in self.rows if not row.skipped)
 
     def table(self, limit: int = 20) -> str:
         """Return the text: what was skipped and why, how the rest was read, the totals."""
-        used = [row for row in self.rows if row[3] == "used"]
-        shown = [*self.skipped[:limit], *used[:limit]]
-        shown = [(printable(name), *rest) for name, *rest in shown]
+        rows = [*self.skipped[:limit], *self.used[:limit]]
+        shown = [(printable(name), size, read_as, skipped or "used") for name, size, read_as, skipped in rows]
         widths = [max(len(row[k]) for row in shown) for k in range(3)]
         lines = ["  ".join((*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[3])) for row in shown]
         left = len(self.rows) - len(shown)
@@ -73,8 +85,8 @@ class Inspection:
 
     def summary(self) -> list[str]:
         """Return the totals, a line each."""
-        used = len(self.rows) - len(self.skipped)
-        how = Counter(row[2] for row in self.rows if row[3] == "used")
+        used = len(self.used)
+        how = Counter(row.read_as for row in self.used)
         lines = [f"{printable(self.source)}: {used} used, {len(self.skipped)} skipped"]
         if self.notes:
             return [*lines, *(f"  {note}" for note in self.notes)]
@@ -108,15 +120,15 @@ class Inspection:
         first = next(iter(self.collections.values()), None)
         return {
             "source": self.source,
-            "used": len(self.rows) - len(self.skipped),
+            "used": len(self.used),
             "shape": None if first is None else [len(first), *first.shape],
             "views": None if first is None or first.latents is None else list(first.latents),
             "level_outlines": self.level_outlines(),
             "notes": [*self.notes],
             "not_read": {name: [*shape] for name, shape in self.unread.items()},
             "collections": {name: [len(found), *found.shape] for name, found in self.collections.items()},
-            "skipped": [{"name": row[0], "reason": row[3]} for row in self.skipped],
-            "files": [{"name": row[0], "size": row[1], "read_as": row[2]} for row in self.rows if row[3] == "used"],
+            "skipped": [{"name": row.name, "reason": row.skipped} for row in self.skipped],
+            "files": [{"name": row.name, "size": row.size, "read_as": row.read_as} for row in self.used],
         }
 
 
@@ -177,7 +189,7 @@ def inspect(
     path = Path(path)
     check_size(path, size)
     if path.is_dir() and pictures == "silhouettes" and not holds_shapes(path):
-        return _inspect_silhouettes(path, How(size, framing=framing, strict=strict))
+        return _inspect_silhouettes(path, ReadOptions(size, framing=framing, strict=strict))
     found = read(path, size, pictures=pictures, framing=framing, strict=strict)
     kind = {"line integrals": "line", "pictures": "picture", "volumes": "volume"}[Found(found.stored).kind]
     name = "silhouettes" if kind == "picture" and pictures == "silhouettes" else f"{kind}s"
@@ -186,19 +198,19 @@ def inspect(
 
 
 def _inspection(path: Path, found: Mapping[str, Collection], kinds: Mapping[str, str]) -> Inspection:
-    skipped = [(name, "", "", reason) for one in found.values() for name, reason in one.skipped]
+    skipped = [FileRow(name, skipped=reason) for one in found.values() for name, reason in one.skipped]
     used = [
-        (name, " x ".join(map(str, one.shape)), kinds[key], "used") for key, one in found.items() for name in one.names
+        FileRow(name, " x ".join(map(str, one.shape)), kinds[key]) for key, one in found.items() for name in one.names
     ]
     return Inspection(str(path), found, (*skipped, *used))
 
 
-def _inspect_silhouettes(path: Path, how: How) -> Inspection:
-    found = survey_pictures(path, how)
-    rows: list[Row] = [(name, "", "", reason) for name, reason in found.skipped.items()]
-    rows += [(name, f"{item.width} x {item.height}", item.read_as, "used") for name, item in found.used.items()]
+def _inspect_silhouettes(path: Path, options: ReadOptions) -> Inspection:
+    found = survey_pictures(path, options)
+    rows = [FileRow(name, skipped=reason) for name, reason in found.skipped.items()]
+    rows += [FileRow(name, f"{item.width} x {item.height}", item.read_as) for name, item in found.used.items()]
     if not found.used:
         return Inspection(str(path), {}, tuple(rows))
     collection = found_of(path, tuple(found.skipped.items()), tuple(found.used), stacked(path, found))
-    cropped = how.framing is None or how.framing.mode == "crop"
+    cropped = options.framing is None or options.framing.mode == "crop"
     return Inspection(str(path), {"silhouettes": Collection(**collection._asdict())}, tuple(rows), cropped=cropped)

@@ -9,7 +9,7 @@ from .._files import paths_below
 from .._types import UserError
 from ..ops.maps import MAPS
 from .collection import Collection
-from .inspection import Inspection, Row
+from .inspection import FileRow, Inspection
 from .readers.exported import exported_note
 from .readers.found import check_size
 from .readers.lights import (
@@ -63,19 +63,19 @@ def _of_textures(path: Path, size: int, strict: bool) -> Inspection:
     count = max(1, min(PATCHES, PATCHES * FEWER_ABOVE**2 // size**2))
     cut = whole if whole.shape[-2:] == (size, size) else Collection(material_patches(whole.items, count, size))
     texels = pixels((whole.shape[-1], whole.shape[-2]))
-    rows: list[Row] = [(name, "", "", reason.removeprefix(f"{path / name}: ")) for name, reason in whole.skipped]
+    rows = [FileRow(name, skipped=reason.removeprefix(f"{path / name}: ")) for name, reason in whole.skipped]
     notes = [f"materials: {len(whole)} of {texels} texels: diffuse, specular, roughness and normal maps"]
     sizes: dict[str, str] = {}
     if side is not None:
         places = material_folders(path)
         stray = pictures_of_no_map(path, places)
-        rows += [(file.relative_to(path).as_posix(), "", "", "its name is no map's") for file in stray]
+        rows += [FileRow(file.relative_to(path).as_posix(), skipped="its name is no map's") for file in stray]
         stored = {name: _stored_size(*places[name]) for name in whole.names}
         sizes = {name: pixels(own) for name, own in stored.items() if own is not None}
         small = [name for name, own in stored.items() if own is not None and min(own) < side]
         if small:
             notes.append(f"{len(small)} of them are smaller and were enlarged: {', '.join(small[:NAMED])}")
-    rows += [(name, sizes.get(name, texels), "material", "used") for name in whole.names]
+    rows += [FileRow(name, sizes.get(name, texels), "material") for name in whole.names]
     if cut is not whole:
         shape = " x ".join(map(str, cut.shape))
         notes.append(f"patches: {len(cut)} of {shape}, cut out of them at any place and angle, as in training")
@@ -91,13 +91,13 @@ def _stored_size(folder: Path, files: Sequence[Path] | None) -> tuple[int, int] 
 
 
 def _of_photographs(path: Path, found: Mapping[str, Collection], size: int) -> Inspection:
-    skipped = [(name, "", "", reason) for one in found.values() for name, reason in one.skipped]
-    skipped += [(file.relative_to(path).as_posix(), "", "", reason) for file, reason in unsorted(path).items()]
-    used: list[Row] = []
+    skipped = [FileRow(name, skipped=reason) for one in found.values() for name, reason in one.skipped]
+    skipped += [FileRow(file.relative_to(path).as_posix(), skipped=why) for file, why in unsorted(path).items()]
+    used: list[FileRow] = []
     notes = []
     for kind, one in found.items():
         sizes = {name: size_of_picture(path / name) for name in one.names}
-        used += [(name, pixels(side), f"picture of {kind}", "used") for name, side in sizes.items()]
+        used += [FileRow(name, pixels(side), f"picture of {kind}") for name, side in sizes.items()]
         what = f"photographs, lit by {KINDS[kind].light}" if kind in KINDS else "maps"
         known = [side for side in sizes.values() if side is not None]
         notes.append(f"{kind}: {len(one)} {what}" + (f"; {_range(known)}" if known else ""))

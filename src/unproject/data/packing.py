@@ -25,7 +25,7 @@ import numpy as np
 from .._files import atomic_path, check_replaceable
 from .._types import UserError
 from .readers.found import check_size
-from .readers.how import How
+from .readers.options import ReadOptions
 from .readers.pictures import SUFFIXES, UNREAD, check_sizes, check_used, reading, required_pictures, unit_values
 from .readers.sides import side_of
 from .readers.surveying import Item, items_of
@@ -44,36 +44,38 @@ class Packed(NamedTuple):
     skipped: tuple[tuple[str, str], ...]
 
 
-def pack(path: Path, out: Path, how: How, report: Callable[[int, int], None] = lambda done, total: None) -> Packed:
+def pack(
+    path: Path, out: Path, options: ReadOptions, report: Callable[[int, int], None] = lambda done, total: None
+) -> Packed:
     """Read a folder of pictures into the pack `out`, on all cores; go on with what an earlier call has done.
 
     Args:
         path: the folder.
         out: an .npz file, which appears when it is complete.
-        how: the pictures are read.
+        options: how the pictures are read.
         report: is called with the files that are done, and all files.
 
     Raises:
-        UserError: if there is no picture that can be used, with `how.strict` one that cannot, if sizes differ, or
+        UserError: if there is no picture that can be used, with `options.strict` one that cannot, if sizes differ, or
             `views.csv` does not fit.
     """
-    check_size(path, how.size)
+    check_size(path, options.size)
     if out.suffix != ".npz":
         raise UserError(f"{out}: a pack is an .npz; give --out a name that ends in .npz")
     check_replaceable(out)
     files = required_pictures(path, (*SUFFIXES, *UNREAD))
-    parts = out.with_name(f".{out.name}.{_identity(path, files, how)}.parts")
+    parts = out.with_name(f".{out.name}.{_identity(path, files, options)}.parts")
     starts = range(0, len(files), PART)
-    _write_parts(path, parts, [files[i : i + PART] for i in starts], how, report)
-    found = _pack_of(path, out, [parts / f"{i:06d}.npz" for i in range(len(starts))], parts, how)
+    _write_parts(path, parts, [files[i : i + PART] for i in starts], options, report)
+    found = _pack_of(path, out, [parts / f"{i:06d}.npz" for i in range(len(starts))], parts, options)
     for old in out.parent.glob(f".{glob.escape(out.name)}.*.parts"):
         shutil.rmtree(old, ignore_errors=True)
     return found
 
 
-def _identity(path: Path, files: Sequence[Path], how: How) -> str:
+def _identity(path: Path, files: Sequence[Path], options: ReadOptions) -> str:
     """Return a digest of how files are read, their names, lengths and times."""
-    digest = hashlib.sha256(repr(how).encode())
+    digest = hashlib.sha256(repr(options).encode())
     for file in files:
         stat = file.stat()
         digest.update(os.fsencode(file.relative_to(path)) + f" {stat.st_size} {stat.st_mtime_ns}\n".encode())
@@ -81,14 +83,14 @@ def _identity(path: Path, files: Sequence[Path], how: How) -> str:
 
 
 def _write_parts(
-    path: Path, parts: Path, groups: Sequence[Sequence[Path]], how: How, report: Callable[[int, int], None]
+    path: Path, parts: Path, groups: Sequence[Sequence[Path]], options: ReadOptions, report: Callable[[int, int], None]
 ) -> None:
     """Write those parts that are not there."""
     missing = [i for i in range(len(groups)) if not (parts / f"{i:06d}.npz").exists()]
     total = sum(map(len, groups))
     done = total - sum(len(groups[i]) for i in missing)
-    read = reading(how, [file for group in groups for file in group])
-    items = items_of([file for i in missing for file in groups[i]], read, how.strict)
+    read = reading(options, [file for group in groups for file in group])
+    items = items_of([file for i in missing for file in groups[i]], read, options.strict)
     for i in missing:
         report(done, total)
         _write_part(parts / f"{i:06d}.npz", path, islice(items, len(groups[i])))
@@ -113,7 +115,7 @@ def _write_part(part: Path, path: Path, items: Iterator[tuple[Path, Item | str]]
         )
 
 
-def _pack_of(path: Path, out: Path, parts: Sequence[Path], folder: Path, how: How) -> Packed:
+def _pack_of(path: Path, out: Path, parts: Sequence[Path], folder: Path, options: ReadOptions) -> Packed:
     """Join the parts."""
     tables = [_table(part) for part in parts]
     names, skipped, reasons = (np.concatenate([t[key] for t in tables]) for key in ("names", "skipped", "reasons"))
@@ -128,7 +130,7 @@ def _pack_of(path: Path, out: Path, parts: Sequence[Path], folder: Path, how: Ho
         columns["azimuth"] = columns["azimuth"] % np.float32(2 * math.pi)
     dtype = np.dtype("uint8" if all(t["dtype"] == np.uint8 for t in tables) else "float32")
     with atomic_path(folder / "whole.npz") as temporary, zipfile.ZipFile(temporary, "w") as archive:
-        key = "images" if how.images else "silhouettes"
+        key = "images" if options.images else "silhouettes"
         _write_items(archive, key, (len(names), *shape), dtype, parts)
         for name, column in columns.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:

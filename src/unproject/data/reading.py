@@ -6,7 +6,7 @@ from typing import Literal
 
 from .collection import Collection, PathLike
 from .readers.framing import Framing
-from .readers.how import How
+from .readers.options import ReadOptions
 from .readers.paths import find
 
 
@@ -30,4 +30,5 @@ def read(
     Raises:
         UserError: if there is nothing there that can be used.
     """
-    return Collection(**find(path, How(size, pictures == "images", framing=framing, strict=strict))._asdict())
+    options = ReadOptions(size, images=pictures == "images", framing=framing, strict=strict)
+    return Collection(**find(path, options)._asdict())

@@ -72,9 +72,7 @@ class Domain(ABC):
         return x
 
     def bytes_at(self, size: int, n: int) -> int:
-        """Return the bytes that n samples of another size take, twice while they are put together, and what is made at
-        once; 0 where nobody knows.
-        """
+        """Estimate the most bytes that drawing n samples of another size takes, concatenation included; 0: unknown."""
         return 0
 
     def repeated(self, x: Tensor, times: int) -> Tensor:

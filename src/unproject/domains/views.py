@@ -9,7 +9,7 @@ import torch.nn.functional as F
 
 from .._random import generator_at
 from ..projections.observation import Observation
-from ..projections.priors import Prior
+from ..projections.priors import Prior, factors_of
 
 ANY = 16
 """Turns that are tried where views are not in bins."""
@@ -41,4 +41,4 @@ def cover_half_a_turn(observations: Sequence[Observation]) -> bool:
 
 def _first_factors(priors: Sequence[Prior]) -> set[Prior]:
     """Return the different priors of the first latent."""
-    return {getattr(prior, "factors", (prior,))[0] for prior in priors}
+    return {factors_of(prior)[0] for prior in priors}

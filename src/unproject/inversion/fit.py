@@ -16,8 +16,8 @@ class Fit:
         x: (S, ...) samples.
         latent: (S, r), whitened (`LatentSpace`).
         distance: (S, M), the mean squared difference of each picture from the sample's projection, in units of the
-            variance of projections of other samples: 1 for a picture that has nothing to do with it. Of samples as the
-            generator made them: whether it can make such things.
+            variance of projections of other samples: about 1 for an unrelated picture. Measured before samples are
+            completed (`consistent`): whether the generator can make such things.
         weight: (S,), how well each explains the pictures compared with the others; they sum to 1.
         theta: latents of the views by name, (S, M), radians.
         posterior: (M, K), the probability of each bin of views.

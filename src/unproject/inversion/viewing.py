@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..projections.base import Projection
 from ..projections.observation import Observation, exact
-from ..projections.priors import Prior, sample_each
+from ..projections.priors import Prior, factors_of, sample_each
 
 Latents = Mapping[str, Tensor]
 
@@ -61,7 +61,7 @@ class Viewing:
         A latent that lies in no bin says nothing, since gaps between bins are no reason to refuse a picture.
         """
         inside = torch.ones(count, len(self.priors), dtype=torch.bool)
-        factors: list[Sequence[Prior]] = [getattr(prior, "factors", (prior,)) for prior in self.priors]
+        factors = [factors_of(prior) for prior in self.priors]
         for name in known:
             found = torch.ones_like(inside)
             for k, factor in ((k, factor) for k, some in enumerate(factors) for factor in some):

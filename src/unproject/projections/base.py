@@ -62,7 +62,7 @@ class Projection:
         return y
 
     def from_measured(self, y: Tensor) -> Tensor:
-        """Return measured pictures (N, ...) in the unit in which, and about the middle about which, this makes them."""
+        """Convert measured pictures (N, ...) to this projection's unit and centre."""
         return y
 
     @property

@@ -29,9 +29,9 @@ class Cropped(Projection):
     """y = P(x, θ) with the object in the middle, as high as it is in a level view.
 
     The camera is aimed at the object, so that nothing is resampled. A level orthographic one is moved sideways only and
-    keeps its scale; other pictures are centred, and as high as the occupied part of the volume. Where the object is in
-    the picture counts as constant for gradients in x, and in level views for those in the azimuth, but not for those in
-    the latents of cameras that are learned.
+    keeps its scale; other pictures are centred, and as high as the occupied part of the volume. The object's place in
+    the picture is detached for gradients in x and, in level views, in the azimuth, but not for those in learned latents
+    of cameras.
 
     Attributes:
         silhouette: P; its `size` is that of the result.

@@ -285,3 +285,8 @@ def sample_each(priors: Sequence[Prior], which: Tensor, rng: torch.Generator) ->
         for name, values in priors[k].sample(int(rows.sum()), rng).items():
             drawn[name][rows] = values
     return drawn
+
+
+def factors_of(prior: Prior) -> tuple[Prior, ...]:
+    """Return the factors of a `Product`, those of products in it included, and any other prior alone."""
+    return tuple(f for part in prior.factors for f in factors_of(part)) if isinstance(prior, Product) else (prior,)

@@ -82,8 +82,8 @@ def digits(
             leaves no gap).
         center: of measured lines, the detector, counted from 0, that the axis of rotation projects to (default: the
             middle, (D - 1) / 2; scikit-image's is D // 2).
-        anchors: an .npz of a few more lines with their angles; generated images turn to them, where without they may
-            be turned and mirrored. Experimental: 50 did not bring those of MNIST upright.
+        anchors: an .npz of a few more lines with their angles; they are to fix how generated images are
+            turned and mirrored, which lines alone leave open. Experimental: 50 were too few for MNIST.
         views_per_image: line integrals taken of each image.
         seed: of the weights, of every draw, and of the line integrals taken.
         channels: of the generator's 4² level.

@@ -95,10 +95,10 @@ def shapes(
         gamma: weight of R1 and R2.
         solid: weight of the preference for full volumes at the start; it falls to a tenth linearly.
         rectilinear: weight at the start of the preference for shapes that are rectangles from above, if views are not
-            known; it falls to 0.3 of it early. Of worlds that match the pictures alike it decides for simple plans.
+            known; it falls to 0.3 of it early. Of solutions that fit the pictures equally well it prefers simple plans.
         varied: weight of the preference for shapes that differ in their proportions, if views are not known, after a
-            fifth of the budget. Where wide and narrow pictures may be objects or the sides of one, it decides for
-            objects.
+            fifth of the budget. If wide and narrow pictures may be different objects or two sides of one, it
+            prefers different objects.
         connected: weight of the preference for shapes in one piece.
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.

@@ -6,15 +6,20 @@ import json
 import math
 import shlex
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from .._objects import import_name
+from ..domains import BUILT_IN
 from ..training.budget import progress_of
 from ..training.checkpoint import newest_step, step_of
 from ..training.run_directory import VERDICT, read_recipe
 
 DAMAGED = "damaged or missing"
 NEARLY = 0.9
+_KINDS = {import_name(type(domain)): kind for kind, domain in BUILT_IN.items()}
+"""What a built-in domain makes, by how recipe.json names it."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,21 @@ class Contents:
         if judged is not None and judged != self.step:
             return f"The verdict is on step {judged:.0f}, the samples are of step {self.step}."
         return ""
+
+    @property
+    def kind(self) -> str:
+        """Return "volumes", "images" or "maps", what samples are.
+
+        "" if a generator or domain of the user's own makes them, whose code is not imported.
+        """
+        resolved = self.recipe["resolved"]
+        try:
+            if resolved.get("domain") is not None:
+                return _KINDS.get(resolved["domain"]["type"], "")
+            module, _, name = str(resolved["generator"]["call"]).partition(":")
+            return getattr(import_module(module), name).domain if module.startswith("unproject.") else ""
+        except (KeyError, TypeError, ImportError, AttributeError):
+            return ""
 
     @property
     def command(self) -> str | None:

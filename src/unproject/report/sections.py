@@ -217,8 +217,6 @@ def commands_section(contents: Contents) -> str:
         new, recipe = shlex.quote(f"{contents.path}-more"), shlex.quote(str(contents.recipe.get("recipe", "")))
         goes_on = [command("begins a new run with its weights", f"unproject train {recipe} --from {run} --out {new}")]
     folder, meshes = (shlex.quote(str(contents.path / name)) for name in ("samples.png", "meshes"))
-    domain = contents.recipe["resolved"].get("domain")
-    shapes = isinstance(domain, dict) and domain.get("type") == "unproject.domains.volumes:Volumes"
     return section(
         "Commands",
         command("made this run", made) if made else paragraph("environment.json does not tell the command."),
@@ -227,7 +225,7 @@ def commands_section(contents: Contents) -> str:
         command("writes more samples", f"unproject export {run} --to png --out {folder}{drawn}"),
         *(
             [command("writes them as meshes", f"unproject export {run} --to glb --n 4 --out {meshes}{drawn}")]
-            if shapes
+            if contents.kind == "volumes"
             else []
         ),
         command("writes a page like this", f"unproject report {run}{again}"),

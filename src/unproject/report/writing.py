@@ -79,7 +79,7 @@ def write_report(
         raise UserError(f"{final}: is a folder; give the name of a file, such as {final / REPORT}")
     contents = read_contents(path)
     opened = run if isinstance(run, Run) else _opened(contents, trust)
-    sheets, why_none = _training_pictures(opened, trust) if data and opened else ([], _no_pictures(data))
+    sheets, why_none = _training_pictures(opened) if data and opened else ([], _no_pictures(data))
     for amounts in AMOUNTS:
         content = _page(contents, opened, sheets, why_none, amounts).encode()
         if len(content) < LARGEST:
@@ -104,10 +104,10 @@ def _opened(contents: Contents, trust: bool) -> Run | None:
         return None
 
 
-def _training_pictures(run: Run, trust: bool) -> tuple[list[tuple[str, Picture]], str]:
+def _training_pictures(run: Run) -> tuple[list[tuple[str, Picture]], str]:
     """Return sheets of training pictures, or why there are none: the data may have been moved since."""
     try:
-        return training_pictures(run.recipe(trust).panels), ""
+        return training_pictures(run.recipe().panels), ""
     except Exception as error:  # a recipe of the user's own may fail in any way
         return [], str(error) or type(error).__name__
 

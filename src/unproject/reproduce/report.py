@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from .._files import atomic_path
+from .._files import write_text
 from .claim_results import ClaimResult, Report
 from .deviations import SECTIONS
 from .errata import ERRATA, LEFT_OPEN
@@ -94,8 +94,7 @@ def write_summary(reports: Sequence[Report], path: Path, pages: str = "") -> Non
 
 
 def _save(path: Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def _results(reports: Iterable[Report]) -> dict[tuple[str, int], Result]:

@@ -53,13 +53,13 @@ def scored_with() -> dict[str, Any]:
 
 def _score_with_views(run: Run, reference: Tensor, count: int, result: Result) -> dict[str, Score]:
     """Return scores of samples and of predicted views, and store a picture of the latter."""
-    recipe = run.recipe()
-    (state,) = run.assignments(recipe)
+    run = run.with_recipe()
+    (state,) = run.assignments()
     views = state.estimates()
     if views is not None and len(state.panel.shape) == 3:
         rows = grouped(state.panel.collections[0].floats(), views, len(state.panel.observations))
         silhouette_sheet(rows, result.views, columns=COLUMNS)
-    return run.evaluate(reference, n=count, seed=result.seed, ceiling=True, recipe=recipe)
+    return run.evaluate(reference, n=count, seed=result.seed, ceiling=True)
 
 
 def score_materials(domain: Domain, maps: Tensor, reference: Tensor, source: str, seed: int = 0) -> dict[str, Score]:

@@ -18,7 +18,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .._files import atomic_path, filled_folder, read_json
+from .._files import filled_folder, read_json, write_text
 from .._types import UserError
 from ..training import Run, load
 from ..training import checkpoint as checkpoints
@@ -99,8 +99,7 @@ def _fill(folder: Path, opened: Run, title: str) -> None:
                 write_json(folder / place, without_paths(content))
     _copy_preview(opened, folder)
     _copy_log(opened, folder / LOG)
-    with atomic_path(folder / CARD) as temporary:
-        temporary.write_text(card_of(opened, folder, title), encoding="utf-8")
+    write_text(folder / CARD, card_of(opened, folder, title))
 
 
 def _copy_preview(opened: Run, folder: Path) -> None:
@@ -117,8 +116,7 @@ def _copy_log(opened: Run, file: Path) -> None:
         lines = [line for line in source.read_text(encoding="utf-8").splitlines(keepends=True) if "event" not in line]
         lines = [line for line in lines if _step_of(line) <= opened.step]
         rows = range(0, len(lines), -(-len(lines) // LINES) or 1)
-        with atomic_path(file) as temporary:
-            temporary.write_text("".join(lines[row] for row in rows), encoding="utf-8")
+        write_text(file, "".join(lines[row] for row in rows))
 
 
 def _step_of(line: str) -> float:

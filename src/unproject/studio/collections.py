@@ -16,9 +16,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .._files import atomic_path
+from .._files import write_text
 from .._types import UserError
 from ..assignment import AssignmentState
+from ..projections.priors import Prior, Uniform, factors_of
 from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.run_directory import read_recipe
@@ -64,9 +65,8 @@ class Sorted:
         return found if one and all("azimuth" in angles for angles in found) else None
 
 
-def _middle(prior: Any) -> dict[str, float]:
-    factors = getattr(prior, "factors", (prior,))
-    named = {f.name: (f.low + f.high) / 2 for f in factors if hasattr(f, "low") and hasattr(f, "high")}
+def _middle(prior: Prior) -> dict[str, float]:
+    named = {f.name: (f.low + f.high) / 2 for f in factors_of(prior) if isinstance(f, Uniform)}
     found = {name: math.degrees(named[name]) for name in ("azimuth", "elevation") if name in named}
     return found | {"azimuth": found["azimuth"] % 360} if "azimuth" in found else found
 
@@ -76,7 +76,7 @@ def _sorted(state: State, name: str) -> list[Sorted]:
     run = state.opened(name)
     resolved = read_recipe(run.path)["resolved"]
     with torch.no_grad():
-        states = run.assignments(run.recipe())
+        states = run.assignments()
         return [_panel(one, k, resolved.get("panels")) for k, one in enumerate(states)]
 
 
@@ -217,8 +217,7 @@ def download_views(state: State, request: Request) -> Answer:
 
 
 def _write(file: Path, table: str) -> None:
-    with atomic_path(file) as temporary:
-        temporary.write_text(table, encoding="utf-8")
+    write_text(file, table)
 
 
 def _others(file: Path, chosen: Sorted) -> str:

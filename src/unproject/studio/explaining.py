@@ -83,7 +83,7 @@ class Means:
     @classmethod
     def of(cls, run: Run, asked: Asked) -> Means:
         """Return what reads and explains pictures of one kind."""
-        states = run.assignments(run.recipe())
+        states = run.assignments()
         state = state_of(states, asked.observation)
         viewing = viewing_of(state, asked.observation if asked.own is None else None)
         if asked.framed:

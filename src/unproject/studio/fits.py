@@ -23,7 +23,6 @@ from .answers import Answer, Missing, Request, of_json
 from .downloads import exported
 from .explaining import SEARCHES, Asked, Explanation, degrees
 from .explore import drawn_sample, thumbnail
-from .runs import kind_of
 from .state import State
 
 KEPT, SEEN = 12, 192
@@ -39,7 +38,7 @@ def show_kinds(state: State, request: Request) -> Answer:
     different = [kinds[row][1] for row in different_kinds([(projection, set(names)) for projection, names in kinds])]
     several = [name for names in different for name in names] if len(different) > 1 else []
     own = any(names for _, names in kinds)
-    told = {"kind": kind_of(contents), "observations": several, "own": own}
+    told = {"kind": contents.kind, "observations": several, "own": own}
     return of_json({**told, "searches": list(SEARCHES), "suffixes": [*SUFFIXES, ".npz"]})
 
 

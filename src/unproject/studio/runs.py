@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import tempfile
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from PIL import Image
 
 from .._types import UserError
 from ..report import write_report
-from ..report.contents import Contents, number, read_contents
+from ..report.contents import number, read_contents
 from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
 from ..training.checkpoint import why_unreadable
 from ..training.lock import is_locked
@@ -67,7 +66,7 @@ def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
         "name": name,
         "changed": changed,
         "recipe": contents.recipe["recipe"],
-        "kind": kind_of(contents),
+        "kind": contents.kind,
         "step": contents.step,
         "trained": max([contents.step, *(int(number(line["step"]) or 0) for line in contents.lines[-1:])]),
         "first": number(resolved.get("checkpoint_every")),
@@ -83,15 +82,6 @@ def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
         "unreadable": unreadable,
         "unfinished": contents.unfinished,
     }
-
-
-def kind_of(contents: Contents) -> str:
-    """Return "volumes", "images" or "maps"; "" of a generator of the user's own, whose code is not imported."""
-    try:
-        module, _, name = str(contents.recipe["resolved"]["generator"]["call"]).partition(":")
-        return getattr(import_module(module), name).domain if module.startswith("unproject.") else ""
-    except (KeyError, TypeError, ImportError, AttributeError):
-        return ""
 
 
 def show_run(state: State, request: Request) -> Answer:

@@ -75,7 +75,7 @@ class Distribution:
         return whole.chunk(self.world)[self.rank]
 
     def part(self, seed: int, step: int, stream: str, rows: Tensor | None = None) -> torch.Generator:
-        """Return the source of this process's draws (`_random.Part`); `rows` are those of the batches of all."""
+        """Return the source of this process's draws (`_random.BatchShard`); `rows` are those of the batches of all."""
         return part_at(seed, step, stream, self.rank, self.world, rows)
 
     def average_gradients(self, module: nn.Module) -> None:

@@ -112,8 +112,8 @@ BRIGHT, FAINT = 2.0, 0.01
 """The largest reading, divided as those of training were, from which on it is no picture's, as one of ones reaches √2
 along its diagonal; and the largest reading of nearly empty pictures."""
 ANOTHER_UNIT = (
-    "readings reach {1:.3g}, divided by {0:g}, where a row of ones in a picture makes 1: "
-    "give them in the unit of training, or what to divide by as --scale"
+    "the largest reading is {1:.3g} after division by {0:g}, but a row of ones in a picture gives 1: "
+    "give readings in the unit of training, or what to divide them by as --scale"
 )
 
 

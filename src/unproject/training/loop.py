@@ -109,12 +109,12 @@ def resume(
     Args:
         path: the run directory.
         recipe: the recipe of the run; needed only if it was not made by a recipe function.
-        steps, minutes: a budget in place of the run's own, what is already spent included; it is the run's own since.
+        steps, minutes: the new budget in all, what is already spent included; the run keeps it.
         device: "auto", "cpu" or "cuda".
         trust: import the recipe's code although it is not of this package.
         quiet: show no progress bar.
         log: "tensorboard", or a function that is called with each new line of stats.jsonl, as of `train`; an event
-            file that is there goes on without it.
+            file that is there is continued anyway.
 
     Raises:
         UserError: if there is no run, the recipe is another, or the recipe is needed and not given.

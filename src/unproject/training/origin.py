@@ -150,7 +150,7 @@ def rebuild(origin: Origin | None, trust: bool = False, **changes: Any) -> Recip
     if origin is None or not origin.function:
         raise UserError(
             "this run's recipe was built in Python; give it: unproject.resume(path, recipe) or "
-            "run.evaluate(recipe=recipe); or let @unproject.resumable remember the function that builds it"
+            "unproject.load(path, recipe=recipe); or let @unproject.resumable remember the function that builds it"
         )
     function = _trusted(origin, trust)
     for name, value in origin.arguments.items():

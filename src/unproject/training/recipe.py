@@ -101,7 +101,7 @@ class Recipe:
         loss: the adversarial loss.
         penalty: the gradient penalty of the discriminators (None: no penalty).
         augmentation: of all images that discriminators see, real and generated; for small collections.
-        matching: gives generated images the statistics of real ones beside, in every panel of images (default: not).
+        matching: a loss that matches statistics of generated and real images, in every panel of images (default: none).
         generator_optimiser: Adam's settings for the generator.
         discriminator_optimiser: Adam's settings for the discriminators.
         regulariser: (x, progress) → a term of the generator's loss, such as `Solid()`; several as `Regularisers`.

@@ -50,7 +50,7 @@ class Run:
         step: steps done.
         domain: what the generator makes.
         complete: whether the budget is spent; False if training was stopped before.
-        made: the recipe, if the run was trained in this process, or its data were checked.
+        given: the recipe that it was trained or opened with, if it was given; else a recipe function makes it again.
         trusted: whether code outside this package may be imported for it.
 
     Examples:
@@ -66,7 +66,7 @@ class Run:
         >>> run = up.train(recipe, "runs/scored", quiet=True)
         >>> run.stats()
         []
-        >>> sorted(run.evaluate(n=8, recipe=recipe))
+        >>> sorted(run.evaluate(n=8))
         ['diversity', 'empty', 'in_one_piece']
     """
 
@@ -75,7 +75,7 @@ class Run:
     step: int
     domain: Domain
     complete: bool = True
-    made: Recipe | None = field(default=None, repr=False, compare=False)
+    given: Recipe | None = field(default=None, repr=False, compare=False)
     trusted: bool = field(default=False, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -109,25 +109,25 @@ class Run:
         """Return the lines of the log: `step`, `seconds`, losses and events."""
         return read_log(self.path / "stats.jsonl")
 
-    def recipe(self, trust: bool = False) -> Recipe:
-        """Make the run's recipe again.
+    def recipe(self) -> Recipe:
+        """Return the recipe that was given, or make the run's again, which may read a large folder.
 
         Raises:
-            UserError: if no recipe function made it, or one outside unproject and `trust` is not given.
+            UserError: if no recipe function made it, or one outside unproject and the run is not trusted.
         """
-        return self.made or rebuild(read_origin(self.path), trust or self.trusted)
+        return self.given or rebuild(read_origin(self.path), self.trusted)
 
-    def with_recipe(self, trust: bool = False) -> Run:
-        """Return the run with its recipe, which may read a large folder, made once for all that asks for it.
+    def with_recipe(self) -> Run:
+        """Return the run with its recipe, made once for all that asks for it.
 
         Raises:
             UserError: if it cannot be made, or has more or fewer data than in training; if others, there is a warning.
         """
-        if self.made is not None:
+        if self.given is not None:
             return self
-        recipe = self.recipe(trust)
+        recipe = self.recipe()
         check_data(self.path, recipe)
-        return replace(self, made=recipe)
+        return replace(self, given=recipe)
 
     def evaluate(
         self,
@@ -136,8 +136,6 @@ class Run:
         n: int | None = None,
         seed: int = 0,
         ceiling: bool = False,
-        recipe: Recipe | None = None,
-        trust: bool = False,
     ) -> dict[str, Score]:
         """Score the run: its samples, their projections, and the views that it estimated.
 
@@ -148,16 +146,13 @@ class Run:
             n: samples to score (default: the domain's number).
             seed: of the samples and of the measurement.
             ceiling: also train a view predictor on the known views, which takes a minute or two.
-            recipe: the run's recipe (default: made again by the run's recipe function).
-            trust: import the recipe's code although it is not of this package.
 
         Raises:
             UserError: for fewer than one sample, if the recipe cannot be made, or the reference does not fit.
         """
         if n is not None and n < 1:
             raise UserError(f"n={n} samples: give at least 1")
-        recipe = recipe or self.recipe(trust)
-        states = self.assignments(recipe)
+        states = self.assignments()
         count = n or self.domain.scored
         self._require_memory(count)
         views = estimated_view_scores(self.domain, states, seed, ceiling)
@@ -167,18 +162,16 @@ class Run:
             return observed_scores(self.generator, self.domain, states, reference, count, seed) | views
         return sample_scores(self.generator, self.domain, states, as_floats(reference), count, seed) | views
 
-    def verdict(self, *, seed: int = 0, recipe: Recipe | None = None, trust: bool = False) -> Verdict:
+    def verdict(self, *, seed: int = 0) -> Verdict:
         """Judge the run by a few dozen samples: whether views are found, projections match pictures, and so on.
 
         Args:
             seed: of the samples and of the measurement.
-            recipe: the run's recipe (default: made again by the run's recipe function).
-            trust: import the recipe's code although it is not of this package.
 
         Raises:
             UserError: if the recipe cannot be made.
         """
-        return judge(self.generator, self.domain, self.assignments(recipe or self.recipe(trust)), seed)
+        return judge(self.generator, self.domain, self.assignments(), seed)
 
     def fitter(
         self,
@@ -187,8 +180,6 @@ class Run:
         viewing: Viewing | None = None,
         search: Search | None = None,
         seed: int = 0,
-        recipe: Recipe | None = None,
-        trust: bool = False,
     ) -> Fitter:
         """Return what finds samples behind pictures (`Fitter.fit`), on the CPU.
 
@@ -197,16 +188,13 @@ class Run:
             viewing: how pictures come about, in place of the run's observations.
             search: its settings (default: `Search()`).
             seed: of the search.
-            recipe: the run's recipe (default: made again by the run's recipe function).
-            trust: import the recipe's code although it is not of this package.
 
         Raises:
             UserError: if the recipe cannot be made, does not say how the pictures come about, or the candidates take
                 more memory than there is.
         """
         if viewing is None:
-            states = self.assignments(recipe or self.recipe(trust))
-            viewing = viewing_of(state_of(states, observation), observation)
+            viewing = viewing_of(state_of(self.assignments(), observation), observation)
         search = search or Search()
         generator = copy.deepcopy(self.generator).cpu()  # what is compared for one picture is small
         x = generator.sample(1)
@@ -215,14 +203,14 @@ class Run:
         require_memory(need, f"{search.candidates} candidates take", "lower candidates")
         return Fitter(generator, viewing, search, seed, self.domain.repeated)
 
-    def assignments(self, recipe: Recipe) -> list[AssignmentState]:
+    def assignments(self) -> list[AssignmentState]:
         """Return the assignment of each panel as the newest checkpoint has it.
 
         Raises:
-            UserError: if the recipe has more or fewer data than the run was trained on; if others, there is a warning.
+            UserError: if the recipe cannot be made, or has more or fewer data than the run was trained on; if others,
+                there is a warning.
         """
-        if recipe is not self.made:
-            check_data(self.path, recipe)
+        recipe = self.with_recipe().recipe()
         with seeded(recipe.seed, "weights"):
             states = begin_assignments(recipe)
         newest = checkpoint.newest(self.path / "checkpoints")
@@ -285,4 +273,4 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
     step = checkpoint.step_of(newest)
     spent = checkpoint.load(newest, f"{COUNTERS}seconds").values()  # nothing in a shared run
     complete = all(progress_of(stored["resolved"], step, seconds.item()) >= 1 for seconds in spent)
-    return Run(path, generator.eval().to(torch.device(device)), step, domain, complete, made=recipe, trusted=trust)
+    return Run(path, generator.eval().to(torch.device(device)), step, domain, complete, given=recipe, trusted=trust)

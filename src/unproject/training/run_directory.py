@@ -20,7 +20,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .._files import atomic_path, read_json, understood
+from .._files import read_json, understood, write_text
 from .._types import UserError
 from . import event_file
 from .description import describe
@@ -117,8 +117,7 @@ def remove_temporaries(path: Path) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(value, indent=1) + "\n")
 
 
 def _instead(path: Path) -> str:

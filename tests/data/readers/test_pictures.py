@@ -17,7 +17,7 @@ from PIL import Image
 
 from unproject._pictures import read_displayed
 from unproject._types import UserError
-from unproject.data import Framing, How, pack, read
+from unproject.data import Framing, ReadOptions, pack, read
 from unproject.data.readers.sides import picture_count, size_of_picture
 
 
@@ -206,7 +206,7 @@ def test_pictures_of_formats_that_are_not_read_are_skipped_by_name(tmp_path):
     found = read(tmp_path, pictures="images")
     reasons = dict(found.skipped)
     assert set(reasons) == {"b.HEIC", "c.gif"} and reasons["c.gif"] == ".gif is not read; save it as .jpg, .png or .tif"
-    assert dict(pack(tmp_path, tmp_path.with_suffix(".npz"), How(None, True)).skipped) == reasons
+    assert dict(pack(tmp_path, tmp_path.with_suffix(".npz"), ReadOptions(images=True)).skipped) == reasons
     with pytest.raises(UserError, match=r"b.HEIC: .HEIC is not read"):
         read(tmp_path, pictures="images", strict=True)
 
@@ -261,7 +261,7 @@ def test_a_folder_and_its_pack_count_the_same_pictures(tmp_path: Path) -> None:
     save(folder / "a.png")
     (folder / "b.heic").write_bytes(b"something")
     (folder / "c.png").write_bytes(b"damaged")
-    pack(folder, tmp_path / "masks.npz", How())
+    pack(folder, tmp_path / "masks.npz", ReadOptions())
     assert picture_count(folder) == picture_count(tmp_path / "masks.npz") == 2
 
 
@@ -302,5 +302,5 @@ def test_the_polarity_of_close_crops_is_that_of_the_folder_and_of_its_pack(tmp_p
     save(folder / "tight.png", tight)
     found = read(folder)
     assert found.floats()[-1].mean() < 0.5
-    pack(folder, tmp_path / "masks.npz", How())
+    pack(folder, tmp_path / "masks.npz", ReadOptions())
     assert torch.equal(read(tmp_path / "masks.npz").floats(), found.floats())

@@ -13,7 +13,7 @@ from ..._types import UserError
 from ..sampling import spread_rows
 from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
-from .how import How
+from .options import ReadOptions
 
 LOOKED_AT = 1024
 """Masks that are looked at to tell whether all are inverted."""
@@ -64,13 +64,13 @@ def warn_of_inversion(path: Path, key: str) -> None:
     )
 
 
-def masks_of(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> Found:
+def masks_of(path: Path, key: str, found: Found, pictures: Tensor, options: ReadOptions) -> Found:
     """Return the masks of an array (N, C, H, W), framed if asked for or of another size.
 
     Raises:
         UserError: if none of them shows anything.
     """
-    framing, (channels, *sides) = how.framing or AS_GIVEN, pictures.shape[1:]
+    framing, (channels, *sides) = options.framing or AS_GIVEN, pictures.shape[1:]
     if framing == AS_GIVEN and channels == 1:
         white = white_of(pictures)
         if are_inverted(pictures, white):
@@ -79,9 +79,11 @@ def masks_of(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> 
     if framing == AS_GIVEN and channels != 3:
         found, rows = shown_rows(path, key, found, pictures)
         pictures = pictures if rows is None else pictures[rows]
-    if framing == AS_GIVEN and channels == 1 and (how.size is None or sides == [how.size] * 2):
+    if framing == AS_GIVEN and channels == 1 and (options.size is None or sides == [options.size] * 2):
         return found._replace(items=pictures)
-    return _framed(path, found, pictures, How(how.size or max(sides), framing=framing, strict=how.strict))
+    return _framed(
+        path, found, pictures, ReadOptions(options.size or max(sides), framing=framing, strict=options.strict)
+    )
 
 
 def shown_rows(
@@ -112,20 +114,20 @@ def names_of(found: Found, count: int) -> list[str]:
     return [f"{row:05d}" for row in range(count)] if found.names is None else [*map(str, found.names)]
 
 
-def _framed(path: Path, found: Found, pictures: Tensor, how: How) -> Found:
+def _framed(path: Path, found: Found, pictures: Tensor, options: ReadOptions) -> Found:
     """The pictures that can be framed, in 8 bits unless they are floats whose values are kept."""
-    assert how.size is not None and how.framing is not None
+    assert options.size is not None and options.framing is not None
     skipped, white, names = {}, white_of(pictures), names_of(found, len(pictures))
-    exact = pictures.is_floating_point() and how.framing.threshold is None
-    items = torch.empty(len(pictures), 1, how.size, how.size, dtype=torch.float32 if exact else torch.uint8)
+    exact = pictures.is_floating_point() and options.framing.threshold is None
+    items = torch.empty(len(pictures), 1, options.size, options.size, dtype=torch.float32 if exact else torch.uint8)
     rows: list[int] = []
     for row, picture in enumerate(pictures):
         try:
-            image = frame(to_floats(picture, white).movedim(0, 2).numpy(), how.size, how.framing).image
+            image = frame(to_floats(picture, white).movedim(0, 2).numpy(), options.size, options.framing).image
             items[len(rows)] = image if exact else to_bytes(image)
             rows.append(row)
         except UnusablePicture as reason:
-            if how.strict:
+            if options.strict:
                 raise UserError(f"{path}, item {row}: {reason}; fix or remove it, or leave out --strict") from None
             skipped[names[row]] = str(reason)
     if not rows:

@@ -30,10 +30,10 @@ from ..lazy import Lazy
 from .array_masks import are_inverted, masks_of, refuse_colours, shown_rows, warn_of_axes, warn_of_inversion
 from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
-from .how import How
 from .images import as_images
 from .latents import known_latents, latents_of
 from .lines import LINES, SINOGRAMS, count_of_angles, lines_of
+from .options import ReadOptions
 from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
@@ -42,7 +42,7 @@ BESIDE = ("names", "skipped", "reasons", "side")
 """What may stand beside them, besides known views."""
 
 
-def read_arrays(path: Path, how: How) -> Found:
+def read_arrays(path: Path, options: ReadOptions) -> Found:
     """Read pictures (N, C, H, W), volumes (N, X, Y, Z) or lines (N, 1, D) of an .npz, .npy or idx file.
 
     Silhouettes are as they are unless a framing is given; a size resamples pictures and volumes, not lines.
@@ -60,16 +60,16 @@ def read_arrays(path: Path, how: How) -> Found:
         return lines_of(path, key, values, latents)
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
-        return found._replace(items=resized_volumes(_volumes(path, key, values), how.size))
+        return found._replace(items=resized_volumes(_volumes(path, key, values), options.size))
     pictures = _channels_first(path, key, values)
-    if not how.images:
+    if not options.images:
         refuse_colours(path, key, pictures)
         warn_of_axes(path, key, tuple(values.shape))
     if isinstance(stored, np.memmap):
-        return _in_file(path, key, found, pictures, how)
-    if how.images:
-        return found._replace(items=as_images(_of_eight_bits(pictures), how.size, how.colour), white=EIGHT_BITS)
-    return masks_of(path, key, found, pictures, how)
+        return _in_file(path, key, found, pictures, options)
+    if options.images:
+        return found._replace(items=as_images(_of_eight_bits(pictures), options.size, options.colour), white=EIGHT_BITS)
+    return masks_of(path, key, found, pictures, options)
 
 
 def unread_arrays(path: Path) -> dict[str, tuple[int, ...]]:
@@ -255,19 +255,19 @@ def _of_eight_bits(pictures: Tensor) -> Tensor:
     return pictures * EIGHT_BITS if pictures.dtype == torch.uint8 and white_of(pictures) == 1 else pictures
 
 
-def _in_file(path: Path, key: str, found: Found, pictures: Tensor, how: How) -> Found:
+def _in_file(path: Path, key: str, found: Found, pictures: Tensor, options: ReadOptions) -> Found:
     """Pictures that stay in their file: what `as_images` and `_silhouettes` make of them is made by the batch."""
-    white, framing = white_of(pictures), how.framing or AS_GIVEN
-    if how.images:
+    white, framing = white_of(pictures), options.framing or AS_GIVEN
+    if options.images:
         factor = EIGHT_BITS if white == 1 and not pictures.is_floating_point() else 1
 
         def grey(some: Tensor) -> Tensor:
-            return as_images(some * factor, how.size, how.colour)
+            return as_images(some * factor, options.size, options.colour)
 
         return found._replace(items=Lazy(pictures, change=grey), white=EIGHT_BITS)
-    size = how.size or max(pictures.shape[2:])
+    size = options.size or max(pictures.shape[2:])
     if framing != AS_GIVEN:  # some may have to be skipped
-        return masks_of(path, key, found, pictures, how)
+        return masks_of(path, key, found, pictures, options)
     inverted = pictures.shape[1] == 1 and are_inverted(pictures, white)
     if inverted:
         warn_of_inversion(path, key)

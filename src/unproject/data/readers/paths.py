@@ -9,33 +9,37 @@ from ..._files import paths_below
 from ..._types import UserError
 from .arrays import read_arrays
 from .found import Found, check_size
-from .how import How
+from .options import ReadOptions
 from .pictures import SAVE, UNREAD, is_hidden, read_pictures
 from .pictures import SUFFIXES as PICTURES
 from .shapes import SUFFIXES as SHAPES
 from .shapes import find_volumes, is_shape_archive, split_selector
 
 
-def find(path: str | os.PathLike[str], how: How) -> Found:
+def find(path: str | os.PathLike[str], options: ReadOptions) -> Found:
     """Read a path with the reader of its kind.
 
     Raises:
         UserError: if nothing is there, or no reader knows it.
     """
     path = Path(path)
-    check_size(path, how.size)
+    check_size(path, options.size)
     file, selector = split_selector(path)
     if path.is_dir():
-        return find_volumes(path, how.size, strict=how.strict) if holds_shapes(path) else read_pictures(path, how)
+        return (
+            find_volumes(path, options.size, strict=options.strict)
+            if holds_shapes(path)
+            else read_pictures(path, options)
+        )
     if not file.exists():
         raise UserError(f"{path}: there is no such file or folder; check the path")
     if selector or file.suffix.lower() in SHAPES or is_shape_archive(file):
-        return find_volumes(path, how.size, strict=how.strict)
+        return find_volumes(path, options.size, strict=options.strict)
     if file.suffix.lower() in PICTURES:
         raise UserError(f"{path}: is one picture; name the folder it lies in")
     if file.suffix.lower() in UNREAD:
         raise UserError(f"{path}: {file.suffix} is not read; {SAVE}, into a folder")
-    return read_arrays(file, how)
+    return read_arrays(file, options)
 
 
 def holds_shapes(path: Path) -> bool:

@@ -20,8 +20,8 @@ from ..._types import UserError
 from ..sampling import spread_rows
 from .found import Found, to_bytes
 from .framing import Framing, frame
-from .how import How
 from .images import as_images
+from .options import ReadOptions
 from .surveying import Item, Read, Survey, survey
 from .views import views_beside
 
@@ -39,34 +39,34 @@ MANY, ENOUGH = 0.1, 20
 SAVE = "save it as .jpg, .png or .tif"
 
 
-def read_pictures(path: Path, how: How) -> Found:
+def read_pictures(path: Path, options: ReadOptions) -> Found:
     """Read a folder's pictures: silhouettes (N, 1, size, size), 64 by default; or images, as stored by default.
 
     Raises:
         UserError: if there is no folder, no picture, none that can be used, with `strict` one that cannot, or
             if `views.csv` does not fit.
     """
-    found = survey_pictures(path, how)
+    found = survey_pictures(path, options)
     warn_of_objects(path, found.used.values())
     return found_of(path, tuple(found.skipped.items()), tuple(found.used), stacked(path, found))
 
 
-def survey_pictures(path: Path, how: How) -> Survey:
+def survey_pictures(path: Path, options: ReadOptions) -> Survey:
     """Read every picture of a folder: as it is, or as a silhouette."""
     files = required_pictures(path, (*SUFFIXES, *UNREAD))
-    return survey(path, files, reading(how, files), how.strict)
+    return survey(path, files, reading(options, files), options.strict)
 
 
-def reading(how: How, files: Sequence[Path]) -> Read:
+def reading(options: ReadOptions, files: Sequence[Path]) -> Read:
     """Return what reads one of these files; it says of those that no reader takes what to do."""
-    size, framing = how.size or SIZE, how.framing or Framing()
-    if not how.images:
+    size, framing = options.size or SIZE, options.framing or Framing()
+    if not options.images:
         framing = framing.as_most(_some(files))
 
     def read(file: Path) -> Item:
         if file.suffix.lower() in UNREAD:
             raise UnusablePicture(f"{file.suffix} is not read; {SAVE}")
-        return _image(file, how) if how.images else _silhouette(file, size, framing)
+        return _image(file, options) if options.images else _silhouette(file, size, framing)
 
     return read
 
@@ -88,9 +88,9 @@ def _silhouette(file: Path, size: int, framing: Framing) -> Item:
     return Item(to_bytes(framed.image).numpy(), kind, framed.width, framed.height, framed.parts > 1, framed.cut)
 
 
-def _image(file: Path, how: How) -> Item:
+def _image(file: Path, options: ReadOptions) -> Item:
     pixels = torch.from_numpy(np.moveaxis(read_displayed(file), 2, 0).copy())
-    values = as_images(pixels[None], how.size, how.colour)[0].numpy()
+    values = as_images(pixels[None], options.size, options.colour)[0].numpy()
     return Item(values, "picture", pixels.shape[2], pixels.shape[1])
 
 

@@ -21,7 +21,7 @@ from ..._files import check_regular, check_unpacked, paths_below
 from ..._types import UserError
 from .arrays import checked_values, load_arrays, read_arrays, resized_volumes
 from .found import Found, to_floats, white_of
-from .how import How
+from .options import ReadOptions
 from .pictures import is_hidden
 from .stored import shapes_of
 from .voxelise import normalised, triangles_of, voxelise
@@ -113,7 +113,7 @@ def _read_archive(
 
 
 def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis) -> Found:
-    found = read_arrays(path, How(resolution))
+    found = read_arrays(path, ReadOptions(resolution))
     if selector or found.items.shape[1] != found.items.shape[-1]:
         wanted = "classes to choose from" if selector else "volumes"
         raise UserError(f"{path}: holds no {wanted}; save them as volume (N, X, Y, Z)")

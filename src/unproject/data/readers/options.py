@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from .framing import Framing
 
 
 @dataclass(frozen=True)
-class How:
+class ReadOptions:
     """How pictures are read: framed as silhouettes, or as they are.
 
     Attributes:
@@ -20,6 +20,7 @@ class How:
     """
 
     size: int | None = None
+    _: KW_ONLY
     images: bool = False
     colour: bool = False
     framing: Framing | None = None
