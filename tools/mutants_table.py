@@ -1926,7 +1926,7 @@ LAWS = (
     mutant(
         "machine: large blocks lie in heaps",
         "cli/_machine.py",
-        "set_option(M_MMAP_THRESHOLD, LARGE)",
+        "set_option(M_MMAP_THRESHOLD, MAPPED_BYTES)",
         "pass",
         "cli/test_machine.py",
     ),
@@ -1985,7 +1985,7 @@ FOUNDATIONS = (
     mutant(
         "splitting: of few shapes nearly none is held out",
         "data/splitting.py",
-        "max(round(share * count), min(LEAST, count // 4), 1)",
+        "max(round(share * count), min(MIN_GROUPS, count // 4), 1)",
         "max(round(share * count), 1)",
         "data/test_splitting.py",
     ),
@@ -2738,8 +2738,8 @@ TRAINING = (
     mutant(
         "shading: samples without density weigh 1 / 0",
         "ops/shading.py",
-        "torch.where(density > LEAST, 1 / density.clamp(min=LEAST), 0)",
-        "1 / density.clamp(min=LEAST)",
+        "torch.where(density > EPSILON, 1 / density.clamp(min=EPSILON), 0)",
+        "1 / density.clamp(min=EPSILON)",
         "ops/test_shading.py::test_differences_of_tilted_normals_are_no_larger_than_the_fixed_gradient",
     ),
     mutant(
@@ -3303,7 +3303,7 @@ ANY_CLASS = (
     mutant(
         "sizes: few pictures are learned large",
         "recipes/sizes.py",
-        "count is not None and count < FEW",
+        "count is not None and count < MIN_PICTURES",
         "count is None",
         "recipes/test_sizes.py::test_few_pictures_are_learned_small",
     ),
@@ -3876,8 +3876,8 @@ SIZES = (
     mutant(
         "size: all pictures of a folder are opened",
         "data/readers/sides.py",
-        "if len(files) > MOST else files",
-        "if False else files",
+        "min(len(files), MAX_FILES_OPENED)",
+        "len(files)",
         "recipes/test_sizes.py::test_thousands_of_pictures_are_not_all_opened",
     ),
     mutant(
@@ -4719,7 +4719,7 @@ FINDINGS = (
         "framed.parts > 1, framed.cut)", "False, framed.cut)",
         "data/test_inspection.py::test_training_warns_of_many_objects_in_parts_or_cut_off"),
     mutant("folders: a few strange pictures are told of", "data/readers/pictures.py",
-        "count > MANY * len(items)", "count > 0",
+        "count > STRANGE_SHARE * len(items)", "count > 0",
         "data/test_inspection.py::test_training_warns_of_many_objects_in_parts_or_cut_off"),
     mutant("studio: its own picture is one that the run was trained on", "studio/explaining.py",
         "panel.collections if panel.held_out is None else (panel.held_out,)", "panel.collections",
@@ -4798,7 +4798,7 @@ FINDINGS = (
         "{name: value[: len(rows)] for name, value in found.latents.items()}\n    kept",
         "data/readers/test_arrays.py::test_masks_that_show_nothing_are_left_out"),
     mutant("sinograms: another order of axes passes", "data/readers/lines.py",
-        "_uneven(values, 2) < ALIKE", "_uneven(values, 2) < 0",
+        "_uneven(values, 2) < MAX_EVEN", "_uneven(values, 2) < 0",
         "data/readers/test_arrays.py::test_sinograms_in_another_order_of_axes_are_said"),
     mutant("novelty: among the strangest p does not fall", "inversion/novelty.py",
         "(1 + by / tail) ** -tail", "(1 + 0 * by)",

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from unproject import export
 from unproject.cli import main
-from unproject.cli.evaluate import LONG
+from unproject.cli.evaluate import FOOTNOTE_LENGTH
 from unproject.data import chairs, digits
 from unproject.domains import relit
 from unproject.recipes import names
@@ -141,7 +141,7 @@ def test_a_run_without_a_reference_is_checked_by_itself(
     table = capsys.readouterr().out
     assert "Self-checks only; --reference" in table
     for score in (score for name, score in scores.items() if f"{name} " in table):
-        assert all(table.count(part) == 1 for part in score["protocol"].split(", ") if len(part) > LONG)
+        assert all(table.count(part) == 1 for part in score["protocol"].split(", ") if len(part) > FOOTNOTE_LENGTH)
 
 
 def test_a_table_prints_each_long_part_of_protocols_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -226,7 +226,7 @@ def test_data_that_need_too_much_memory_are_refused_before_they_are_made(
 def test_long_steps_are_announced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("unproject.cli.train.LONG", 0.0)
+    monkeypatch.setattr("unproject.cli.train.SLOW_STEP", 0.0)
     trained(tmp_path / "run", "digits", *SMALL)
     first, *_, last = capsys.readouterr().out.splitlines()
     assert re.match(r"about \d+\.\d GB, about \d+ s a step$", first) and "next:" in last

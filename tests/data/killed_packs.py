@@ -38,7 +38,7 @@ def killed_after(seconds: float, folder: Path, out: Path) -> bool:
 
 def main(folder: Path, out: Path, seed: int) -> None:
     torch.set_num_threads(1)
-    packing_module.PART, surveying.MANY, surveying.AT_ONCE = 4, 1, 2
+    packing_module.FILES_PER_PART, surveying.MIN_FOR_WORKERS, surveying.AT_ONCE = 4, 1, 2
     surveying.cores = lambda: 2
     pack(folder, out.with_name("warm.npz"), HOW)  # what is slow once only would spoil the measure of time
     began = time.monotonic()

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from unproject.data import wood
 from unproject.domains import Maps
-from unproject.domains.evidence import ENOUGH, Evidence
+from unproject.domains.evidence import MIN_PICTURES, Evidence
 from unproject.domains.maps import MATCH
 from unproject.export import MATERIAL_FORMATS
 from unproject.ops.maps import MAPS
@@ -41,7 +41,7 @@ def test_training_pictures_that_were_not_drawn_as_real_ones_are_compared() -> No
     apart = torch.ones(40, 80, dtype=torch.bool)
     apart[:, :40] = ~torch.eye(40, dtype=torch.bool)
     mixed = torch.cat([real, others[:40]])
-    assert apart.all(0).sum() == 40 > ENOUGH
+    assert apart.all(0).sum() == 40 > MIN_PICTURES
     assert match(others[40:], real, mixed, apart) < 3
 
 

@@ -29,7 +29,7 @@ SMALL: dict[str, Any] = {"bins": 2, "views_per_shape": 2, "channels": 8, "rank":
 @pytest.fixture(autouse=True)
 def few_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Toy folders count as large."""
-    monkeypatch.setattr("unproject.recipes.sizes.FEW", 1)
+    monkeypatch.setattr("unproject.recipes.sizes.MIN_PICTURES", 1)
 
 
 def picture(path: Path, width: int, height: int) -> None:
@@ -75,7 +75,7 @@ def test_short_budgets_are_spent_on_small_volumes(tmp_path: Path, budget: dict[s
 
 
 def test_few_pictures_are_learned_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("unproject.recipes.sizes.FEW", 5)
+    monkeypatch.setattr("unproject.recipes.sizes.MIN_PICTURES", 5)
     four, five = folder(tmp_path / "four", *[(80, 90)] * 4), folder(tmp_path / "five", *[(80, 90)] * 5)
     assert (size_for(four), size_for(five)) == (32, 64)
     np.savez(tmp_path / "volumes.npz", volume=np.zeros((2, 64, 64, 64), bool))

@@ -20,7 +20,7 @@ from unproject.cli import main
 from unproject.studio import Studio
 from unproject.studio.answers import Busy
 from unproject.studio.guard import Guard
-from unproject.studio.server import LARGEST
+from unproject.studio.server import MAX_REQUEST_BYTES
 from unproject.studio.state import State
 from unproject.studio.worker import Worker
 from unproject.training import lock
@@ -187,7 +187,7 @@ def test_no_other_file_is_served(runs: Path, path: str) -> None:
 
 def test_what_is_sent_is_bounded(runs: Path) -> None:
     with served(runs) as studio:
-        assert ask(studio, "/api/runs", "POST", b"", Content_Length=str(LARGEST + 1))[0] == 413
+        assert ask(studio, "/api/runs", "POST", b"", Content_Length=str(MAX_REQUEST_BYTES + 1))[0] == 413
         assert ask(studio, "/api/runs", "POST", b"0\r\n\r\n", Transfer_Encoding="chunked")[0] == 413
         assert ask(studio, "/api/runs", "POST", b"", Content_Length="9" * 5000)[0] == 413
         with socket.create_connection(studio.server_address[:2]) as raw:

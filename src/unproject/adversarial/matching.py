@@ -27,7 +27,7 @@ from .._types import UserError
 from ..ops.band_statistics import SMALLEST, band_statistics
 
 CHUNK = 64
-LEAST = 1e-3
+MIN_DEVIATION = 1e-3
 """Deviation at least, of statistics that all real images share."""
 
 
@@ -100,7 +100,7 @@ class MatchingState(nn.Module):
         self.register_buffer("centre", found.mean(0))
         deviation = found.std(0, correction=min(1, len(found) - 1))
         alike = deviation < (settings.alike or 0.0)
-        self.register_buffer("unit", deviation.clamp_min(LEAST).masked_fill(alike, 1.0))
+        self.register_buffer("unit", deviation.clamp_min(MIN_DEVIATION).masked_fill(alike, 1.0))
         self.register_buffer("spread", torch.where(alike, deviation, 1.0), persistent=False)
         self.register_buffer("first", torch.zeros_like(self.centre))
         self.register_buffer("second", torch.zeros_like(self.centre))

@@ -17,7 +17,7 @@ from .context import Context
 
 WHOLE = 2**16
 """Images up to which each round predicts all."""
-LEAST = 2**12
+MIN_PREDICTED = 2**12
 """Images that a round predicts at least, since shares of views are estimated by them."""
 MEASURED = 2**13
 """Images of a large collection, evenly spread over it, that scores of views are measured on."""
@@ -40,7 +40,7 @@ class Coverage(nn.Module):
     def extend(self, run: Context, until: float, steps: int) -> Tensor:
         """Cover what is drawn before the part `until` of the budget, and in so many steps at least; return the rows."""
         now = run.draws(until, steps)
-        end = max(now.stop, now.start + LEAST)
+        end = max(now.stop, now.start + MIN_PREDICTED)
         self.places.copy_(torch.tensor([now.start, end]))
         return run.rows(range(now.start, end)).unique()
 

@@ -22,7 +22,7 @@ MOST_THREADS = 1024
 
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
 """Options of glibc's mallopt (malloc.h)."""
-LARGE = 2**20
+MAPPED_BYTES = 2**20
 
 
 def use_threads(threads: int | None) -> None:
@@ -40,7 +40,7 @@ def return_memory() -> None:
     """Let freed memory go back to the system, for a program that runs for hours: by glibc's own choice much stays.
 
     Once a large block was freed, glibc takes blocks of its size from heaps, of which each thread has one, and returns
-    only what is free at a heap's end. Here blocks of `LARGE` bytes or more are mapped one by one, and heaps are two.
+    only what is free at a heap's end. Here blocks of `MAPPED_BYTES` or more are mapped one by one, and heaps are two.
     Other systems' allocators are left as they are.
     """
     if sys.platform != "linux":
@@ -49,7 +49,7 @@ def return_memory() -> None:
 
     set_option = getattr(ctypes.CDLL(None), "mallopt", None)  # musl has none
     if set_option is not None:
-        set_option(M_MMAP_THRESHOLD, LARGE)
+        set_option(M_MMAP_THRESHOLD, MAPPED_BYTES)
         set_option(M_ARENA_MAX, 2)
 
 

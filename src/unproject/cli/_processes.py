@@ -17,7 +17,7 @@ from .._parent import PARENT
 from .._types import UserError
 from ._machine import leads
 
-MOST = 1024
+MAX_PROCESSES = 1024
 FLAG = "--processes"
 PATIENCE = 3.0
 """Seconds that a process waits before it speaks: another one that has the same to say, or the cause, is first."""
@@ -30,8 +30,8 @@ def in_processes(verb: str, argv: Sequence[str], call: Callable[[], Any]) -> Cal
     count, rest = _count(argv)
     if count is None or _is_one_of_several():
         return call
-    if not 1 <= count <= MOST:
-        raise UserError(f"{FLAG} {count}: give 1 to {MOST}, one for each GPU, or for a part of the processors")
+    if not 1 <= count <= MAX_PROCESSES:
+        raise UserError(f"{FLAG} {count}: give 1 to {MAX_PROCESSES}, one for each GPU, or for a part of the processors")
     return call if count == 1 else lambda: launch([verb, *rest], count)
 
 

@@ -14,7 +14,7 @@ from .._types import UserError
 from ._machine import use_threads
 from ._verdict import verdict_of, verdict_table
 
-LONG = 40
+FOOTNOTE_LENGTH = 40
 """Characters above which a part of several protocols becomes a footnote."""
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def table(scores: Mapping[str, Score]) -> str:
     scores = {name: score for name, score in scores.items() if not _is_repeated(name, scores)}
     parts = {name: score.protocol.split(", ") for name, score in scores.items()}
     counts = Counter(part for own in parts.values() for part in own)
-    common = [part for part, count in counts.items() if count > 1 and len(part) > LONG]
+    common = [part for part, count in counts.items() if count > 1 and len(part) > FOOTNOTE_LENGTH]
     marks = {part: f"[{k}]" for k, part in enumerate(common, 1)}
     width = max(map(len, scores), default=0)
     lines = [

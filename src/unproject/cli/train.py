@@ -11,7 +11,7 @@ from .._types import UserError, is_lack_of_memory
 from ._arguments import bind_recipe
 from ._processes import in_processes
 
-LONG = 10.0
+SLOW_STEP = 10.0
 """Seconds of a step from which on its estimate is printed."""
 
 if TYPE_CHECKING:
@@ -113,5 +113,5 @@ def _estimate(recipe: Recipe, device: str) -> None:
     taken = recipe.origin.arguments if recipe.origin else {}
     flags = [f"--{name}" for name in ("size", "batch", "channels") if name in taken or name == "batch"]
     require_memory_to_train(found.memory, "a training step takes", f"lower {' or '.join(flags)}", place)
-    if found.seconds > LONG:
+    if found.seconds > SLOW_STEP:
         say(str(found))

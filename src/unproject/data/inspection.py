@@ -27,7 +27,7 @@ from .sampling import spread_rows
 
 LINES, OFF = 50, 0.25
 """Lines of known angle that tell of their axis, and how many detectors from the middle are said."""
-SHOWN, COMPARED = 1024, 2**16
+MAX_OUTLINES, MAX_COMPARED = 1024, 2**16
 """Pictures at most whose outlines are looked at."""
 
 
@@ -113,7 +113,7 @@ class Inspection:
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""
         found = self.collections.get("silhouettes")
-        return None if found is None else round(level_share(found.batch(spread_rows(len(found), SHOWN))), 2)
+        return None if found is None else round(level_share(found.batch(spread_rows(len(found), MAX_OUTLINES))), 2)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the same for JSON; `shape` and `views` are those of the first collection."""
@@ -167,7 +167,7 @@ def axis_of(collection: Collection, lines: Tensor) -> list[str]:
 
 def same_pictures(found: Collection) -> list[str]:
     """Return a line of text if over a tenth of a collection that is in memory is the same as another part of it."""
-    if not isinstance(found.stored, Tensor) or len(found) > COMPARED:
+    if not isinstance(found.stored, Tensor) or len(found) > MAX_COMPARED:
         return []
     same = len(found) - len({hash(item.numpy().tobytes()) for item in found.stored})
     return [f"  {same} are the same as another one"] if same > len(found) / 10 else []

@@ -14,7 +14,7 @@ from .readers.exported import exported_note
 from .readers.found import check_size
 from .readers.lights import (
     KINDS,
-    NAMED,
+    MAX_NAMED,
     SUFFIXES,
     UNREAD,
     photographed,
@@ -74,7 +74,7 @@ def _of_textures(path: Path, size: int, strict: bool) -> Inspection:
         sizes = {name: pixels(own) for name, own in stored.items() if own is not None}
         small = [name for name, own in stored.items() if own is not None and min(own) < side]
         if small:
-            notes.append(f"{len(small)} of them are smaller and were enlarged: {', '.join(small[:NAMED])}")
+            notes.append(f"{len(small)} of them are smaller and were enlarged: {', '.join(small[:MAX_NAMED])}")
     rows += [FileRow(name, sizes.get(name, texels), "material") for name in whole.names]
     if cut is not whole:
         shape = " x ".join(map(str, cut.shape))

@@ -17,9 +17,9 @@ from ..ops.detectors import about_middle
 from .collection import Collection
 from .sampling import spread_rows
 
-MOST = 4096
+MAX_LINES = 4096
 """Lines that are looked at to tell the scale of readings."""
-LARGEST, SMALLEST = 1.0, 0.1
+MAX_UNSCALED, MIN_UNSCALED = 1.0, 0.1
 """Readings in image widths, the largest of a thousand: 1 at most, of an image of ones; handwritten digits have 0.6."""
 TYPICAL = 0.5
 EDGE = 1e-6
@@ -112,7 +112,7 @@ def scale_of(found: Collection) -> float:
     Raises:
         UserError: for readings that are 0, or as negative as no noise is.
     """
-    lines = found.batch(spread_rows(len(found), MOST)).flatten().double()
+    lines = found.batch(spread_rows(len(found), MAX_LINES)).flatten().double()
     ordered = lines.sort().values
     low, high = ordered[len(ordered) // 100].item(), ordered[-1 - len(ordered) // 1000].item()
     if high <= 0 or low < -NEGATIVE * high:
@@ -120,4 +120,4 @@ def scale_of(found: Collection) -> float:
             f"{found.source}: readings run from {lines.min():g} to {lines.max():g}; line integrals are sums of what is "
             "not negative: take -log(I / I0) of intensities, and subtract what is read beside the object"
         )
-    return 1.0 if high >= SMALLEST and lines.max() <= LARGEST else float(f"{high / TYPICAL:.4g}")
+    return 1.0 if high >= MIN_UNSCALED and lines.max() <= MAX_UNSCALED else float(f"{high / TYPICAL:.4g}")

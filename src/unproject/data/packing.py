@@ -31,7 +31,7 @@ from .readers.sides import side_of
 from .readers.surveying import Item, items_of
 from .readers.views import views_beside
 
-PART = 1024
+FILES_PER_PART = 1024
 """Files of a part: at most so many are read again after a kill."""
 
 
@@ -65,8 +65,8 @@ def pack(
     check_replaceable(out)
     files = required_pictures(path, (*SUFFIXES, *UNREAD))
     parts = out.with_name(f".{out.name}.{_identity(path, files, options)}.parts")
-    starts = range(0, len(files), PART)
-    _write_parts(path, parts, [files[i : i + PART] for i in starts], options, report)
+    starts = range(0, len(files), FILES_PER_PART)
+    _write_parts(path, parts, [files[i : i + FILES_PER_PART] for i in starts], options, report)
     found = _pack_of(path, out, [parts / f"{i:06d}.npz" for i in range(len(starts))], parts, options)
     for old in out.parent.glob(f".{glob.escape(out.name)}.*.parts"):
         shutil.rmtree(old, ignore_errors=True)

@@ -11,9 +11,9 @@ from torch import Tensor
 from .._random import generator_at
 from .._types import UserError
 
-LEAST = 8
+MIN_GROUPS = 8
 """Groups that are held out at least; of few groups a quarter."""
-LARGEST = 16
+MAX_NEIGHBOURS = 16
 """Neighbours in a group, where names tell no shapes."""
 RENDERED = re.compile(r"#\d+( flipped)?$")
 
@@ -33,7 +33,7 @@ def split_rows(names: Sequence[str], share: float, seed: int, source: str) -> tu
             f"{source}: shows a single shape, of which nothing can be held out; give more, or hold out none "
             "(--no-augment)"
         )
-    wanted = min(max(round(share * count), min(LEAST, count // 4), 1), count - 1)
+    wanted = min(max(round(share * count), min(MIN_GROUPS, count // 4), 1), count - 1)
     chosen = torch.randperm(count, generator=generator_at(seed, 0, "held out"))[:wanted]
     out = torch.isin(group, chosen)
     return (~out).nonzero()[:, 0], out.nonzero()[:, 0]
@@ -47,5 +47,5 @@ def groups(names: Sequence[str], share: float) -> Tensor:
         return torch.tensor([number[shape] for shape in shapes])
     own = [name.removesuffix(" flipped") for name in names]  # a mirror image is no other picture
     number = {name: i for i, name in enumerate(dict.fromkeys(own))}
-    size = min(max(round(share * len(number)) // LEAST, 1), LARGEST)
+    size = min(max(round(share * len(number)) // MIN_GROUPS, 1), MAX_NEIGHBOURS)
     return torch.tensor([number[name] for name in own]) // size

@@ -24,7 +24,7 @@ from .sampling import spread_rows
 Plane = Literal["x", "z"]
 
 BINS, MOST = 8, 4096
-LARGEST = 0.2
+MAX_ASYMMETRY = 0.2
 """(E - N) / V of symmetric objects, at most: those turned by 5 degrees have 0.05 to 0.2, by 10 degrees 0.3 to 0.6."""
 TELLING = 1.5
 """Least V over the variance of a mean: with less, views differ by noise alone and nothing can be said."""
@@ -66,7 +66,7 @@ def plane_of_symmetry(collection: Collection) -> Plane | None:
         return None
     else:
         of_planes = asymmetries(collection.batch(rows), collection.latents["azimuth"][rows])
-        found, largest = {plane: asymmetry.ratio for plane, asymmetry in of_planes.items()}, LARGEST
+        found, largest = {plane: asymmetry.ratio for plane, asymmetry in of_planes.items()}, MAX_ASYMMETRY
     plane: Plane = "x" if found["x"] <= found["z"] else "z"
     return plane if found[plane] <= largest else None
 

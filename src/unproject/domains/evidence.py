@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ..metrics import Finding, Score
 
-ENOUGH = 8
+MIN_PICTURES = 8
 """Pictures a set, at least."""
 MATCH, VARIETY, ALIKE, LABELS = (1.4, 1.6), (0.75, 0.5), (0.45, 0.55), (0.92, math.inf)
 """Levels (doubtful, failed), chosen on benchmarks/verdicts.py and on chairs, beds and tables of ModelNet."""
@@ -46,7 +46,7 @@ class Evidence:
 
     @property
     def is_enough(self) -> bool:
-        return self.compared >= ENOUGH and bool((self.apart.sum(1) > 0).all())
+        return self.compared >= MIN_PICTURES and bool((self.apart.sum(1) > 0).all())
 
     @property
     def compared(self) -> int:
@@ -64,7 +64,7 @@ def few_finding(seen: Evidence, seed: int) -> Finding:
     count = seen.compared
     score = Score(count, "real pictures that can be compared with one of another object", count, seed)
     says = f"{count} pictures can be compared with others, which is too few to judge by"
-    return Finding("few", score, max(count, ENOUGH), -math.inf, says, "give more pictures, at least a hundred")
+    return Finding("few", score, max(count, MIN_PICTURES), -math.inf, says, "give more pictures, at least a hundred")
 
 
 def match_finding(ratio: float, protocol: str, n: int, levels: tuple[float, float], seed: int) -> Finding:
@@ -99,7 +99,7 @@ def label_finding(distance: Tensor, seen: Evidence, seed: int) -> list[Finding]:
     others = seen.real_views.roll(len(seen.real_views) // 2)
     other = seen.views[None] == others[:, None]
     rows = own.any(1) & other.any(1) & (others != seen.real_views)
-    if int(rows.sum()) < ENOUGH:
+    if int(rows.sum()) < MIN_PICTURES:
         return []
     ratio = nearest(distance[rows], own[rows]) / max(nearest(distance[rows], other[rows]), 1e-6)
     how = "mean distance of held-out pictures to the nearest generated one in their view, over that in another's view"

@@ -25,7 +25,7 @@ from ..projections import Identity, Observation, Selection, Standardised
 from ..projections.base import Projection
 from ..projections.rendering import DIRECTED, Rendering
 from .domain import Domain, Exporter
-from .evidence import ENOUGH, Evidence, match_finding
+from .evidence import MIN_PICTURES, Evidence, match_finding
 
 Fresnel: TypeAlias = Literal["eta", "albedo"]
 LIGHTS = (("studio", 0.0), ("window", 0.7), ("sky", 1.4))
@@ -86,7 +86,7 @@ class Maps(Domain):
 
     def picture_findings(self, seen: Evidence, seed: int = 0) -> list[Finding]:
         real, others = seen.real, seen.others[seen.apart.all(0)]
-        if len(others) < ENOUGH:  # nothing is held out, and all pictures there are were drawn: halves of them
+        if len(others) < MIN_PICTURES:  # nothing is held out, and all pictures there are were drawn: halves of them
             real, others = seen.real[::2], seen.real[1::2]
         if real.std() < CONSTANT:
             off = (seen.generated - real.mean((0, 2, 3), keepdim=True)).square().mean().sqrt().item()

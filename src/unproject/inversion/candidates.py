@@ -17,7 +17,7 @@ from .viewing import Latents, Viewing
 
 CHUNK = 64
 """Samples generated, and projections made, at once."""
-LEAST = 1e-8
+MIN_VARIANCE = 1e-8
 """The variance of a pixel, at least."""
 
 
@@ -79,7 +79,7 @@ class Candidates:
         """
         if self.count * len(self.viewing.priors) < 2:
             raise UserError(f"candidates={self.count}: give at least 2 where there is one view")
-        return max(self.projections.flatten(0, 1).var(0).mean().item(), LEAST)
+        return max(self.projections.flatten(0, 1).var(0).mean().item(), MIN_VARIANCE)
 
     def synthesise(self, v: Tensor) -> Tensor:
         """Return the samples (B, ...) of whitened latents (B, r)."""

@@ -27,7 +27,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-MOST = 2**23
+MAX_ENTRIES = 2**23
 """Entries of A at most: half a minute of one thread."""
 AT_ONCE, STEPS, SETTLED = 256, 1000, 1e-7
 """Rows of A made at once; steps of the descent at most, and the change of a value at which it has ended."""

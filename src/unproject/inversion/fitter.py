@@ -35,17 +35,17 @@ from .._types import UserError
 from ..data.collection import as_floats
 from ..networks import Generator
 from .candidates import Candidates, each, rows
-from .consistency import MOST, Readings
+from .consistency import MAX_ENTRIES, Readings
 from .fit import Fit
 from .search import Search
 from .tuning import tuned
 from .viewing import Latents, Viewing
 
-CLOSER = (1.0, 1.0, 1.0, 1.0, 0.6, 0.6, 0.6, 0.3, 0.3, 0.3, 0.1, 0.1)
+VIEW_STEPS = (1.0, 1.0, 1.0, 1.0, 0.6, 0.6, 0.6, 0.3, 0.3, 0.3, 0.1, 0.1)
 """Views that are tried in a bin, one after another: draws, at this share of the way from the best so far."""
-HEARD = 0.02
+MIN_RELATIVE_WEIGHT = 0.02
 """Explanations with less of the best one's weight have no part in the posterior of views."""
-LEAST = 0.02
+DISTANCE_FLOOR = 0.02
 """Added to distances for weights: differences as small as those of interpolation decide nothing."""
 Watch = Callable[[float, Tensor, Tensor], None]
 """(part that is done, best sample (1, ...), its projections (M, ...)): told of each step of the descent."""
@@ -181,7 +181,7 @@ class Fitter:
         least = self.candidates.distance(self.candidates.project(x, theta, len(of)), of.y)
         everywhere = [torch.full_like(bins, k) for k in of.possible.any(0).nonzero()[:, 0].tolist()]
         steps = [(tried, 1.0) for tried in (everywhere if len(everywhere) > 1 else ())]
-        for tried, by in (*steps, *((None, by) for by in CLOSER[::3])):
+        for tried, by in (*steps, *((None, by) for by in VIEW_STEPS[::3])):
             tried = bins if tried is None else tried
             drawn, distance = self._tried(x, tried, of, rng, theta, by)
             better = distance < least
@@ -218,7 +218,7 @@ class Fitter:
             projected = candidates.project(x, state.theta, len(of))
             distance = candidates.distance(projected, of.y)
             weight = _likelihood(self._energy(state.v, distance) / len(of), n * len(of), 0)
-            heard = (weight >= HEARD * weight.max()).nonzero()[:, 0]
+            heard = (weight >= MIN_RELATIVE_WEIGHT * weight.max()).nonzero()[:, 0]
             bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
             posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
             if consistent := self._is_linear(x, of):
@@ -232,7 +232,7 @@ class Fitter:
 
         Pictures without views, such as one map of a material, have A Aᵀ = 1: noise looks like all else there.
         """
-        few = of.y.numel() * x[0].numel() <= MOST
+        few = of.y.numel() * x[0].numel() <= MAX_ENTRIES
         viewed = bool(of.known) and self.viewing.is_known(of.known)
         return self.search.consistent and self.viewing.projection.linear and viewed and few
 
@@ -276,7 +276,7 @@ class Fitter:
         for k in of.possible.any(0).nonzero()[:, 0].tolist() if count > 1 else ():
             bins = torch.full_like(state.bins, k)
             theta, best = self._tried(x, bins, of, rng, state.theta, 1.0)
-            for by in CLOSER[1:]:
+            for by in VIEW_STEPS[1:]:
                 drawn, distance = self._tried(x, bins, of, rng, theta, by)
                 theta = {name: torch.where(distance < best, drawn[name], value) for name, value in theta.items()}
                 best = torch.minimum(best, distance)
@@ -286,7 +286,7 @@ class Fitter:
 
 def _likelihood(distance: Tensor, readings: int, dim: int) -> Tensor:
     """Return e^(-readings / 2), the likelihood of a Gaussian whose variance is not known, as shares along `dim`."""
-    return torch.softmax(-readings / 2 * (distance + LEAST).log(), dim)
+    return torch.softmax(-readings / 2 * (distance + DISTANCE_FLOOR).log(), dim)
 
 
 @contextmanager

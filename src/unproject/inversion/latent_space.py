@@ -21,7 +21,7 @@ from .._random import generator_at
 from ..networks import Generator
 
 CODES, AT_ONCE = 4096, 128
-LEAST = 1e-3
+MIN_RELATIVE_LENGTH = 1e-3
 """Axes shorter than this share of the longest are left out: nothing is known of them."""
 
 
@@ -57,7 +57,7 @@ class LatentSpace:
         latents = torch.cat([part[:, : part.shape[1] - generator.white].double() for part in parts])
         mean = latents.mean(0)
         _, length, axes = torch.linalg.svd(latents - mean, full_matrices=False)
-        kept = length > LEAST * length[0]
+        kept = length > MIN_RELATIVE_LENGTH * length[0]
         deviation = length[kept, None] / (len(latents) - 1) ** 0.5
         return cls(mean.float(), (deviation * axes[kept]).float(), generator.white)
 

@@ -32,7 +32,7 @@ from torch import Tensor, nn
 from .._random import derived_seed, generator_at, seeded
 
 COMPONENTS, STEPS, BATCH, AT_ONCE = 32, 300, 64, 512
-MOST, EXACT = 2**26, 1024
+MAX_PIXELS, MAX_EXACT_SIDE = 2**26, 1024
 """Pixels of all pictures whose components are found; the side of a matrix of them up to which these are exact."""
 BENT, KNOTS = 0.35, 4
 """Deviation of a warp in half widths of the picture, and knots a side between which it is smooth."""
@@ -87,7 +87,7 @@ class Novelty:
             masks: whether pictures are masks, which stay so when they are warped.
         """
         rng = generator_at(seed, 0, "novelty")
-        most = max(MOST // pictures[0].numel(), 2 * COMPONENTS)
+        most = max(MAX_PIXELS // pictures[0].numel(), 2 * COMPONENTS)
         some = pictures[torch.randperm(len(pictures), generator=rng)[: min(most, 4096)]].flatten(1)
         mean = some.mean(0)
         length, axes = _principal(some - mean, derived_seed(seed, 0, "novelty"))
@@ -134,7 +134,7 @@ def combined(p: Tensor) -> float:
 
 def _principal(x: Tensor, seed: int) -> tuple[Tensor, Tensor]:
     """Return the largest singular values of x (N, D), in order, and their axes (r, D): all, or of many some 48."""
-    if min(x.shape) <= EXACT:
+    if min(x.shape) <= MAX_EXACT_SIDE:
         _, length, axes = torch.linalg.svd(x, full_matrices=False)
         return length, axes
     with seeded(seed, "components"):

@@ -27,7 +27,7 @@ from .patches import PROJECTIONS, SIDE, check_pair, patch_distance, standardised
 from .score import Score
 from .shape_scores import drawn
 
-LEAST, MOST = 6, 5000
+MIN_MATERIALS, MAX_MATERIALS = 6, 5000
 
 Pair = tuple[Tensor, Tensor]
 
@@ -57,13 +57,13 @@ def material_scores(
         UserError: for sets of fewer than six materials, materials or renderings of different sizes or smaller than
             16x16, other than 8 or 10 channels, NaN, or a rendering with the name of a map.
     """
-    check_pair(generated, truth, LEAST, "materials")
+    check_pair(generated, truth, MIN_MATERIALS, "materials")
     rendered = rendered or {}
     taken = sorted(set(rendered) & set(MAPS))
     if taken:
         raise UserError(f"material scores: {taken[0]!r} is a map; give that rendering another name")
     for name, pair in rendered.items():
-        check_pair(*pair, LEAST, f"renderings {name!r}")
+        check_pair(*pair, MIN_MATERIALS, f"renderings {name!r}")
     x, y = unpack_maps(generated), unpack_maps(truth)
     scores, features = {}, []
     for name in MAPS:
@@ -118,7 +118,7 @@ def _correlation_scores(generated: Tensor, truth: Tensor) -> dict[str, Score]:
 def _set_scores(features: Sequence[tuple[list[Tensor], list[Tensor]]], sizes: str, seed: int) -> dict[str, Score]:
     """Compute diversity, precision, recall, density and coverage on the features of all maps, of sets of equal size."""
     x, y = standardised(*([group for side in sides for group in side] for sides in zip(*features)))
-    least = min(len(x), len(y), MOST)
+    least = min(len(x), len(y), MAX_MATERIALS)
     x, y = x[drawn(len(x), least, seed)], y[drawn(len(y), least, seed)]
     where = f"{x.shape[1]} texture features of all maps standardised by the truth, {least} vs {least} of {sizes}"
     precision, recall = precision_recall(x, y)

@@ -25,7 +25,7 @@ from .gauge import Gauge, dihedral
 from .score import Score
 from .shape_scores import drawn
 
-MOST = 5000
+MAX_COMPARED = 5000
 
 
 def open_gauges(directions: int) -> tuple[Gauge, ...]:
@@ -84,7 +84,7 @@ def turned_scores(generated: Tensor, reference: Tensor, directions: int = 10, se
             digit_features(randomly_turned(images, gauges, 2 * seed + i), TURNED)[0]
             for i, images in enumerate((generated, reference))
         )
-        least = min(len(x), len(y), MOST)
+        least = min(len(x), len(y), MAX_COMPARED)
         precision, recall = precision_recall(x[drawn(len(x), least, seed)], y[drawn(len(y), least, seed)])
         how = f"each image of both sets after one of {len(gauges)} turns at random"
         what = f"{FEATURES} features of the classifier of turned digits, {{}} generated vs {{}} reference, {how}"

@@ -16,7 +16,7 @@ from torch.autograd.function import once_differentiable
 from .microfacet import LEAST_ROUGHNESS
 
 DELTA = 1e-3
-LEAST = 1e-12
+EPSILON = 1e-12
 
 Estimate = Callable[[Tensor], Tensor]
 """Maps (B, 8, H, W) to radiance (B, 3, H, W)."""
@@ -67,7 +67,7 @@ def _by_normal(maps: Tensor, along: Callable[[Tensor, Tensor], Tensor]) -> Tenso
         above[:, 5:], below[:, 5:] = (_spherical(theta + k * d_theta, phi + k * d_phi) for k in (1, -1))
         step = above[:, 5:] - below[:, 5:]
         # The difference along the step, in the direction of the step; 0 / 0 at the pole is 0.
-        result += along(above, below) * step / step.square().sum(1, keepdim=True).clamp(min=LEAST)
+        result += along(above, below) * step / step.square().sum(1, keepdim=True).clamp(min=EPSILON)
     return result / length  # shading is of n / |n|
 
 

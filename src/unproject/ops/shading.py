@@ -23,7 +23,7 @@ from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
 from .._types import UserError
-from .differences import LEAST, CentralDifferences
+from .differences import EPSILON, CentralDifferences
 from .environment import Environments, look_up, sample_environments
 from .low_discrepancy import offsets, points, scramble, seeds, unit
 from .maps import of_colour, specular_channels, unpack_maps
@@ -40,7 +40,7 @@ from .microfacet import (
 
 POOL, STRATUM = 2**12, 64  # prepared light samples, and at most so many for each one that a pixel takes
 CHUNK, CHUNK_OF_GPU = 2**18, 2**22  # samples computed at a time
-MOST = 2**20
+MAX_SAMPLES = 2**20
 
 
 class Ambient(NamedTuple):
@@ -90,8 +90,8 @@ class Sampling:
     gradient: Literal["exact", "fixed", "differences"] = "exact"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.samples, int) or not 2 <= self.samples <= MOST:
-            raise UserError(f"{self.samples} samples a pixel: give from 2 to {MOST}, 16 or more to see anything")
+        if not isinstance(self.samples, int) or not 2 <= self.samples <= MAX_SAMPLES:
+            raise UserError(f"{self.samples} samples a pixel: give from 2 to {MAX_SAMPLES}, 16 or more to see anything")
         if not 0 <= self.light < 1:
             raise UserError(f"light {self.light:g}: give the share of samples drawn from the light, from 0 to below 1")
         if self.points not in ("low-discrepancy", "independent"):
@@ -170,7 +170,7 @@ def diffuse_counts(maps: Tensor, lobes: int) -> Tensor:
     """Return the number (B, H W) of diffuse lobe samples, in proportion to the albedos; each lobe has one or more."""
     named = unpack_maps(maps.detach())
     k_d, k_s = named["diffuse"].mean(1), named["specular"][:, 0]
-    count = (lobes * k_d / (k_d + k_s).clamp(min=LEAST)).round()
+    count = (lobes * k_d / (k_d + k_s).clamp(min=EPSILON)).round()
     # The albedos do not bound the reflection at grazing angles, so both lobes keep a sample.
     return count.clamp(min(1, lobes - 1), max(1, lobes - 1)).flatten(1)
 
@@ -210,7 +210,7 @@ def pixels_of(maps: Tensor, to_camera: Tensor) -> Pixels:
 
 def frame_of(normal: Tensor) -> Tensor:
     """Return two tangents and the normal as rows, (..., 3, 3); the normal is normalised and needs z > -1."""
-    x, y, z = (normal / normal.square().sum(-1, keepdim=True).clamp(min=LEAST).sqrt()).unbind(-1)
+    x, y, z = (normal / normal.square().sum(-1, keepdim=True).clamp(min=EPSILON).sqrt()).unbind(-1)
     a = -1 / (1 + z)
     rows = (1 + x * x * a, x * y * a, -x), (x * y * a, 1 + y * y * a, -y), (x, y, z)
     return torch.stack([torch.stack(row, -1) for row in rows], -2)
@@ -303,4 +303,4 @@ def _weight(pixels: Pixels, i: Tensor, light_density: Tensor, diffuse: Tensor, p
     density = n_d * cosine_density(i) + (plan.lobes - n_d) * lobe + plan.lights * light_density
     # Where density is 0, as of samples below the horizon, nothing is drawn: their weight must not be 1 / 0 either when
     # differences of the normal lift them above it.
-    return torch.where(density > LEAST, 1 / density.clamp(min=LEAST), 0)
+    return torch.where(density > EPSILON, 1 / density.clamp(min=EPSILON), 0)

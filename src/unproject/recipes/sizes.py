@@ -14,7 +14,7 @@ SMALL, LARGE = 32, 64
 LEAST_MINUTES = 30.0
 """Shorter budgets are spent at 32³: a step at 64³ takes four times as long, and views must be found first."""
 
-FEW = 1000
+MIN_PICTURES = 1000
 """Pictures of a folder below which shapes stay at 32³: of 297 birds and 100 chairs nothing came at 64³ in half an hour,
 where the discriminators learn the few by heart."""
 
@@ -30,7 +30,7 @@ def size_for(data: Path | None) -> int:
     if data is None or side is None or side < LARGE:
         return SMALL
     count = picture_count(data)
-    return SMALL if count is not None and count < FEW else LARGE
+    return SMALL if count is not None and count < MIN_PICTURES else LARGE
 
 
 def size_for_images(data: Path | None) -> int:

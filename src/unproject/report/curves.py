@@ -14,7 +14,7 @@ WIDTH, HEIGHT = 440, 250
 LEFT, RIGHT, TOP, BOTTOM = 54, 14, 12, 44
 POINTS = 240
 """Points of a curve at most: neighbours are averaged."""
-LARGEST = 1e30
+MAX_VALUE = 1e30
 """Values beyond it are left out."""
 SEVERAL = 3
 """Curves of lists that are drawn: the mean and the spread of a latent are two."""
@@ -112,7 +112,7 @@ def _curves(lines: Iterable[dict[str, Any]], key: str, text: str) -> dict[str, P
         names = [f"{text}: mean", f"{text}: spread", f"{text}: 3"] if len(parts) > 1 else [text]
         for name, part in zip(names, parts):
             y = number(part)
-            if y is not None and step is not None and abs(y) < LARGEST:
+            if y is not None and step is not None and abs(y) < MAX_VALUE:
                 found.setdefault(name, {})[step] = y
     return {name: sorted(points.items()) for name, points in found.items()}
 

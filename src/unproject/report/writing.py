@@ -31,7 +31,7 @@ from .sections import (
 )
 from .shapes import is_drawable, shape_data
 
-LARGEST = 5_000_000
+MAX_PAGE_BYTES = 5_000_000
 """Bytes that a page stays under."""
 AMOUNTS = ((24, 8, 16_000), (12, 4, 8_000), (4, 1, 4_000))
 """(pictures over time, samples of the viewer, triangles of each), until the page is small enough."""
@@ -82,7 +82,7 @@ def write_report(
     sheets, why_none = _training_pictures(opened) if data and opened else ([], _no_pictures(data))
     for amounts in AMOUNTS:
         content = _page(contents, opened, sheets, why_none, amounts).encode()
-        if len(content) < LARGEST:
+        if len(content) < MAX_PAGE_BYTES:
             break
     with atomic_path(final) as temporary:
         temporary.write_bytes(content)

@@ -20,7 +20,7 @@ from .downloads import exported
 from .space import PICKS, Space
 from .state import State
 
-SHOWN, CELL = 24, 112
+PAGE_SAMPLES, CELL = 24, 112
 """Samples on one page of the grid, and pixels of each."""
 FACES = 16_000
 
@@ -33,7 +33,7 @@ def space_of(state: State, request: Request) -> Space:
 
 def show_grid(state: State, request: Request) -> Answer:
     """Answer with samples to pick from, a page of them, and how many sliders there are."""
-    name, page = request.text("run"), request.whole("page", 0, 0, PICKS // SHOWN - 1)
+    name, page = request.text("run"), request.whole("page", 0, 0, PICKS // PAGE_SAMPLES - 1)
 
     def grid() -> dict[str, Any]:
         run = state.shown(request)
@@ -41,18 +41,18 @@ def show_grid(state: State, request: Request) -> Answer:
         return {
             "kind": run.domain.name,
             "step": run.step,
-            "pages": PICKS // SHOWN,
+            "pages": PICKS // PAGE_SAMPLES,
             "sliders": len(space_of(state, request).directions),
             "formats": sorted(run.domain.exporters),
             "format": run.domain.written,
-            "samples": [{"pick": page * SHOWN + k, "picture": uri} for k, uri in enumerate(seen)],
+            "samples": [{"pick": page * PAGE_SAMPLES + k, "picture": uri} for k, uri in enumerate(seen)],
         }
 
     return of_json(state.compute(grid))
 
 
 def _thumbnails(run: Run, page: int) -> list[str]:
-    x = run.sample((page + 1) * SHOWN, seed=0, largest_part=True)[page * SHOWN :]
+    x = run.sample((page + 1) * PAGE_SAMPLES, seed=0, largest_part=True)[page * PAGE_SAMPLES :]
     return [thumbnail(run.domain, one[None]).uri for one in x]
 
 

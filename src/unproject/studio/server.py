@@ -20,7 +20,7 @@ from .guard import EVERYWHERE, LOOPBACK, Guard, authority
 from .routes import ROUTES
 from .state import State
 
-LARGEST = 40_000_000
+MAX_REQUEST_BYTES = 40_000_000
 """Bytes that may be sent to the studio at once: a picture, or a light probe."""
 PATIENCE = 30
 """Seconds after which a connection that sends nothing is closed."""
@@ -112,7 +112,11 @@ class Handler(BaseHTTPRequestHandler):
         body = self._body() if method == "POST" else b""
         if body is None:
             self.close_connection = True
-            self._send(of_json({"error": f"larger than {LARGEST // 1_000_000} MB, or of a size that is not told"}, 413))
+            self._send(
+                of_json(
+                    {"error": f"larger than {MAX_REQUEST_BYTES // 1_000_000} MB, or of a size that is not told"}, 413
+                )
+            )
             return
         request = Request(query, body, self.headers.get("If-None-Match"))
         self._send(respond(self.server.state, method, address.path, request))
@@ -120,7 +124,11 @@ class Handler(BaseHTTPRequestHandler):
     def _body(self) -> bytes | None:
         """Return what was sent; None if it is too long, or does not say how long it is."""
         length = self.headers.get("Content-Length", "")
-        if not re.fullmatch("[0-9]{1,12}", length) or int(length) > LARGEST or "Transfer-Encoding" in self.headers:
+        if (
+            not re.fullmatch("[0-9]{1,12}", length)
+            or int(length) > MAX_REQUEST_BYTES
+            or "Transfer-Encoding" in self.headers
+        ):
             return None
         return self.rfile.read(int(length))
 

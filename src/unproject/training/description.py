@@ -21,7 +21,7 @@ from ..data import Collection
 from ..data.lazy import Lazy
 from ..data.sampling import spread_rows
 
-LARGE, SOME = 2**28, 1024
+MAX_BYTES_READ, SOME = 2**28, 1024
 """Bytes of items in a file beyond which only some are looked at: reading all would take longer than a run's start."""
 SKETCHED, ROUNDING = 8, 1e-5
 """Sums in a sketch; and what rounding may change of numbers and, in units of the norm, of sketches: a processor or a
@@ -145,4 +145,4 @@ def fingerprint(items: Tensor | Lazy) -> str:
 def _parts(items: Tensor | Lazy) -> Iterable[Tensor]:
     if isinstance(items, Tensor):
         return [items]
-    return items.parts() if items.nbytes <= LARGE else [items[spread_rows(len(items), SOME)]]
+    return items.parts() if items.nbytes <= MAX_BYTES_READ else [items[spread_rows(len(items), SOME)]]

@@ -17,7 +17,7 @@ from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
 from .fitting import by_name, of_different_kinds
 
-LEAST = 6
+MIN_IMAGES = 6
 """Images that a panel's projections are compared with, at least."""
 
 
@@ -113,7 +113,7 @@ def self_checks(
 def picture_scores(domain: Domain, state: AssignmentState, x: Tensor, seed: int) -> dict[str, Score]:
     """Score projections of samples against as many training images of a panel."""
     count = min(len(x), len(state.panel))
-    if count < LEAST:
+    if count < MIN_IMAGES:
         return {}
     rows = torch.randperm(len(state.panel), generator=generator_at(seed, 0, "training images"))[:count]
     silhouettes = state.panel.projection.silhouettes

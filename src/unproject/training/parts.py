@@ -18,7 +18,7 @@ from ..assignment import Panel
 from .recipe import Recipe
 from .state import PanelState, State
 
-FEW = 2
+SAMPLES = 2
 """Samples that are passed through."""
 
 
@@ -29,7 +29,7 @@ def check_parts(recipe: Recipe, state: State) -> None:
         UserError: naming the part that fails or whose result has another shape than the next one takes.
     """
     with _unchanged((state.generator, *state.discriminators)), seeded(recipe.seed, "parts"), torch.no_grad():
-        code = state.generator.draw(FEW, generator_at(recipe.seed, 0, "parts")).to(state.device)
+        code = state.generator.draw(SAMPLES, generator_at(recipe.seed, 0, "parts")).to(state.device)
         with _called(f"the generator {_name(state.generator)}", "generator(codes (B, L)) and returns samples (B, ...)"):
             x = state.generator(code).float()
         if recipe.regulariser is not None:

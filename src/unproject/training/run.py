@@ -36,7 +36,7 @@ from .run_directory import read_log, read_recipe
 from .state import begin_assignments, keep_hull_if_level, load_module
 from .verdict import Verdict, judge
 
-MANY = 10_000
+MAX_UNCHECKED = 10_000
 """Samples from which on their memory is looked at beforehand."""
 
 
@@ -102,7 +102,7 @@ class Run:
 
     def _require_memory(self, n: int) -> None:
         """Refuse as many samples as do not fit: twice, while they are put together."""
-        if n > MANY:
+        if n > MAX_UNCHECKED:
             require_memory(8 * n * self.generator.sample(1).numel(), f"{n} samples take", "lower n")
 
     def stats(self) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ from .._random import generator_at
 from ..assignment import AssignmentState, Panel
 from ..data.splitting import RENDERED
 from ..domains import Domain
-from ..domains.evidence import ENOUGH, Evidence, few_finding
+from ..domains.evidence import MIN_PICTURES, Evidence, few_finding
 from ..metrics import WORDS, Finding, Score, Word, worst
 from ..networks import Generator
 from .fitting import by_name
@@ -53,7 +53,7 @@ class Verdict:
     def line(self) -> str:
         """The verdict in one line: all that is good, or what is worst and what to do next."""
         if not self.findings:
-            return f"nothing was judged: that takes {ENOUGH} pictures of a kind and others to compare them with"
+            return f"nothing was judged: that takes {MIN_PICTURES} pictures of a kind and others to compare them with"
         if self.word == "good":
             return "good: " + ", ".join(finding.says for finding in self.findings)
         bad = [finding for finding in self.findings if finding.word == self.word]

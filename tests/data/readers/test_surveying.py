@@ -69,7 +69,7 @@ def read(file):
     os.write(1, f"{os.getpid()}\\n".encode())
     time.sleep(60)
 
-surveying.MANY, surveying.cores = 1, lambda: 2
+surveying.MIN_FOR_WORKERS, surveying.cores = 1, lambda: 2
 list(surveying.items_of([Path("a")] * 64, read, False))
 """
 

@@ -65,11 +65,11 @@ def to_bytes(items: Tensor) -> Tensor:
     return (items * 255).round().byte()
 
 
-LARGEST = 4096
+MAX_SIDE = 4096
 """Pixels a side."""
 
 
 def check_size(path: Path, size: int | None) -> None:
     """Refuse sizes at which nothing can be recognised, and those that fill the memory with one item."""
-    if size is not None and not 4 <= size <= LARGEST:
-        raise UserError(f"{path}: a size of {size} is out of range; give 4 to {LARGEST}")
+    if size is not None and not 4 <= size <= MAX_SIDE:
+        raise UserError(f"{path}: a size of {size} is out of range; give 4 to {MAX_SIDE}")

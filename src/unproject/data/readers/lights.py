@@ -24,7 +24,7 @@ ELSE = (
     "flash, coloured, overhead, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural "
     "light that you give by --probes)"
 )
-NAMED = 3
+MAX_NAMED = 3
 """Sub-folders that a message names at most."""
 
 
@@ -114,7 +114,7 @@ def refuse_unsorted(path: Path) -> None:
     if path.name.lower() in OBSERVATIONS:
         raise UserError(f"{path}: is what a folder of materials has as a sub-folder; name {path.absolute().parent}")
     inside = sorted({file.relative_to(path).parts[0] for file in files if file.parent != path})
-    where = f" in {', '.join(inside[:NAMED])}{', ...' if len(inside) > NAMED else ''}" if inside else ""
+    where = f" in {', '.join(inside[:MAX_NAMED])}{', ...' if len(inside) > MAX_NAMED else ''}" if inside else ""
     raise UserError(
         f"{path}: holds {len(files)} photographs{where} and nothing says their light; put them in sub-folders by it: "
         f"{path / 'daylight'} for daylight or light of a room that nobody measured; else {ELSE}"

@@ -18,7 +18,7 @@ LINES = ("line", "lines", "line_integrals")
 SINOGRAMS = ("sinogram", "sinograms")
 MOST_RADIANS = 4 * math.pi
 """Angles beyond are taken for degrees."""
-ENOUGH, UNLIKE, ALIKE = 4, 0.2, 0.05
+MIN_READINGS, MIN_UNEVEN, MAX_EVEN = 4, 0.2, 0.05
 """Detectors and angles at least, and how uneven sums over them are, if the axes are surely in another order."""
 
 
@@ -41,7 +41,7 @@ def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor]
     if key in LINES:
         return Found(values, latents=latents, source=str(path))
     count, detectors, angles = values.shape
-    if min(detectors, angles) >= ENOUGH and _uneven(values, 1) > UNLIKE and _uneven(values, 2) < ALIKE:
+    if min(detectors, angles) >= MIN_READINGS and _uneven(values, 1) > MIN_UNEVEN and _uneven(values, 2) < MAX_EVEN:
         warnings.warn(
             f"{path}: {key}: sums along the last axis are alike, as those over detectors are at all angles; sinograms "
             "are (M, D, A), detectors by angles; if this is (M, A, D), save array.swapaxes(1, 2)",

@@ -15,12 +15,12 @@ from torch import Tensor
 from ..._random import generator_at
 from ..._types import UserError
 from ...ops.maps import check_maps, places, unpack_maps
-from .found import LARGEST
+from .found import MAX_SIDE
 
 
 def side_to_cut_from(size: int) -> int:
     """Return at how many pixels a side texture sets are read for patches to be cut out of them: 4 times as many."""
-    return min(4 * size, LARGEST)
+    return min(4 * size, MAX_SIDE)
 
 
 def material_patches(

@@ -34,7 +34,7 @@ UNREAD = (
     ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".exr", ".hdr", ".dcm", ".mrc",
 )  # fmt: skip
 """Of telephones, cameras, browsers, editors, renderers and scanners, which no reader of masks and images takes."""
-MANY, ENOUGH = 0.1, 20
+STRANGE_SHARE, MIN_SILHOUETTES = 0.1, 20
 """Share of silhouettes, and how many, from which on strange ones are told of; masks of single objects have 4 %."""
 SAVE = "save it as .jpg, .png or .tif"
 
@@ -98,7 +98,7 @@ def warn_of_objects(path: Path, items: Collection[Item]) -> None:
     """Warn if many silhouettes show more than one object, as where there are captions, or a part of one."""
     for name, what in (("several", "in several parts, as of two objects or a caption"), ("cut", "cut off by a border")):
         count = sum(getattr(item, name) for item in items)
-        if len(items) >= ENOUGH and count > MANY * len(items):
+        if len(items) >= MIN_SILHOUETTES and count > STRANGE_SHARE * len(items):
             warnings.warn(
                 f"{path}: {count} of {len(items)} silhouettes are {what}, it seems; see unproject data inspect {path}",
                 stacklevel=2,

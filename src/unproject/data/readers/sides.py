@@ -23,7 +23,7 @@ from .stored import StoredArrays, header_of
 
 PACK = ("names", "skipped", "side")
 """What a pack says of its files."""
-MOST = 256
+MAX_FILES_OPENED = 256
 """Files of a folder that are opened, spread evenly over it."""
 
 
@@ -90,7 +90,8 @@ def _of_folder(path: Path) -> int | None:
 
 
 def _median(files: Sequence[Path], side: Callable[[Path], int | None]) -> int | None:
-    spread = [files[i * len(files) // MOST] for i in range(MOST)] if len(files) > MOST else files
+    count = min(len(files), MAX_FILES_OPENED)
+    spread = [files[i * len(files) // count] for i in range(count)]
     sides = [found for found in map(side, spread) if found is not None]
     return int(statistics.median(sides)) if sides else None
 

@@ -24,7 +24,7 @@ import torch
 from ..._pictures import UnusablePicture
 from ..._types import UserError
 
-MANY, AT_ONCE = 256, 16
+MIN_FOR_WORKERS, AT_ONCE = 256, 16
 """Pictures from which on it pays to start workers, and those that a worker takes at once."""
 
 
@@ -94,7 +94,7 @@ Results = Callable[[Sequence[Path]], Iterator["Item | str"]]
 @contextmanager
 def _workers(read: Read, count: int) -> Iterator[Results]:
     """Yield what reads files in order: in processes, or in threads where processes cannot be forked."""
-    if count < MANY or cores() == 1 or multiprocessing.current_process().daemon:
+    if count < MIN_FOR_WORKERS or cores() == 1 or multiprocessing.current_process().daemon:
         yield lambda files: (_attempt(read, file) for file in files)
     elif sys.platform == "linux":
         fork = multiprocessing.get_context("fork")
