@@ -178,7 +178,7 @@ def test_the_data_of_the_run_that_comes_with_the_package_are_known_again(tmp_pat
     run = up.load(put_example("chairs", tmp_path / "runs"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert run.with_recipe().made is not None
+        assert run.with_recipe().given is not None
 
 
 def test_relative_paths_of_the_command_are_not_shared(run: Path, tmp_path: Path) -> None:

@@ -229,4 +229,4 @@ def test_silhouettes_in_bytes_and_views_in_degrees_are_warned_of() -> None:
 def test_runs_and_recipes_are_short_in_a_notebook(tmp_path: Path) -> None:
     run = train(recipe(steps=1), tmp_path / "run", quiet=True)
     assert repr(run) == f"Run('{tmp_path / 'run'}', 1 steps, Linear, volume)"
-    assert repr(run.made) == "Recipe(Linear, panels: mip (6), steps=1, minutes=None, batch=4, seed=0)"
+    assert repr(run.given) == "Recipe(Linear, panels: mip (6), steps=1, minutes=None, batch=4, seed=0)"
