@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.webp", size=128)
     export.silhouette_sheet(grouped(images, state.views, bins), options.out / "views.webp", columns=COLUMNS)
     masks = read(options.data, size=options.size)
-    scores = run.evaluate(masks, n=len(masks), seed=options.seed, recipe=recipe)
+    scores = run.evaluate(masks, n=len(masks), seed=options.seed)
     about = {
         "seed": options.seed,
         "steps": run.step,

@@ -47,7 +47,7 @@ def _of_any_size(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.usefixtures("_of_any_size")
 def test_a_pack_holds_what_the_folder_is_read_as(masks: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing_module, "PART", 4)
+    monkeypatch.setattr(packing_module, "FILES_PER_PART", 4)
     rows = [f"{n:02d}.png,{10 * n + 720 * (n == 5)}" for n in range(COUNT)]  # turntables count on
     (masks / "views.csv").write_text("\n".join(["file,azimuth", *rows]), encoding="utf-8")
     done: list[tuple[int, int]] = []
@@ -82,7 +82,7 @@ def test_images_and_other_sizes_are_made_by_the_batch(masks: Path, size: int | N
 
 
 def test_pictures_of_16_bits_stay_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing_module, "PART", 1)
+    monkeypatch.setattr(packing_module, "FILES_PER_PART", 1)
     Image.fromarray(np.full((9, 9), 51, np.uint8)).save(tmp_path / "a.png")
     Image.fromarray(np.full((9, 9), 257, np.uint16)).save(tmp_path / "b.png")
     made = pack(tmp_path, tmp_path / "out" / "p.npz", ReadOptions(images=True))
@@ -93,13 +93,13 @@ def test_pictures_of_16_bits_stay_floats(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_pack_belongs_to_its_files_and_to_how_they_were_read(masks: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = masks.parent / "p.npz"
-    monkeypatch.setattr(packing_module, "PART", 4)
+    monkeypatch.setattr(packing_module, "FILES_PER_PART", 4)
     monkeypatch.setattr(packing_module, "_pack_of", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         pack(masks, out, ReadOptions(16))
     assert len(list(masks.parent.glob(".p.npz.*.parts/*.npz"))) == 3 and not out.exists()
     monkeypatch.undo()
-    monkeypatch.setattr(packing_module, "PART", 4)
+    monkeypatch.setattr(packing_module, "FILES_PER_PART", 4)
     (masks / "00.png").unlink()
     assert pack(masks, out, ReadOptions(16)).count == 8
     assert pack(masks, out, ReadOptions(24)).shape == (1, 24, 24)

@@ -139,8 +139,8 @@ def test_nothing_is_completed_of_unknown_angles_or_of_silhouettes(monkeypatch: p
     assert (
         not Fitter(Seats(), seats(), Search(tune=0, candidates=4, starts=1, steps=1)).fit(silhouettes, known).consistent
     )
-    monkeypatch.setattr(fitter, "MOST", 3 * SIDE**3 - 1)
+    monkeypatch.setattr(fitter, "MAX_ENTRIES", 3 * SIDE**3 - 1)
     assert not found(pictures, {"angle": ANGLE}).consistent
-    monkeypatch.setattr(fitter, "MOST", 3 * SIDE**3)
+    monkeypatch.setattr(fitter, "MAX_ENTRIES", 3 * SIDE**3)
     monkeypatch.setattr(consistency, "AT_ONCE", 7)
     assert found(pictures, {"angle": ANGLE}).consistent

@@ -85,12 +85,12 @@ def test_components_of_many_pictures_are_nearly_those_of_all(monkeypatch: pytest
     pictures = torch.randn(200, 60, generator=rng) / torch.arange(1, 61) @ torch.randn(60, 1024, generator=rng)
     pictures = pictures.view(200, 1, 32, 32)
     exact = Novelty.fitted(pictures, pictures[:50], steps=1, masks=True)
-    monkeypatch.setattr(module, "EXACT", 8)
+    monkeypatch.setattr(module, "MAX_EXACT_SIDE", 8)
     state = torch.get_rng_state()
     quick = Novelty.fitted(pictures, pictures[:50], steps=1, masks=True)
     assert torch.equal(state, torch.get_rng_state())
     torch.testing.assert_close(quick.held_out[:, 0], exact.held_out[:, 0], rtol=0.05, atol=0)
-    monkeypatch.setattr(module, "MOST", 64 * 32 * 32)
+    monkeypatch.setattr(module, "MAX_PIXELS", 64 * 32 * 32)
     assert Novelty.fitted(pictures, pictures[:50], steps=1, masks=True).axes.shape == (32, 1024)
 
 

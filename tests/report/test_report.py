@@ -240,7 +240,7 @@ def test_many_large_pictures_make_no_large_page(shapes: Run, monkeypatch: pytest
     page = write_report(shapes)
     assert page.stat().st_size < 5_000_000
     frames = page.read_text().count('class="frame"')
-    monkeypatch.setattr(writing, "LARGEST", page.stat().st_size)
+    monkeypatch.setattr(writing, "MAX_PAGE_BYTES", page.stat().st_size)
     assert write_report(shapes).read_text().count('class="frame"') < frames
 
 

@@ -31,7 +31,7 @@ def _large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let 48 images count as many."""
     monkeypatch.setattr(predicting_module, "WHOLE", 40)
     monkeypatch.setattr(predicting_module, "MEASURED", 16)
-    monkeypatch.setattr(coverage_module, "LEAST", 2)
+    monkeypatch.setattr(coverage_module, "MIN_PREDICTED", 2)
 
 
 @pytest.fixture

@@ -36,7 +36,7 @@ def masks(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def two_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(surveying, "MANY", 1)
+    monkeypatch.setattr(surveying, "MIN_FOR_WORKERS", 1)
     monkeypatch.setattr(surveying, "cores", lambda: 2)
 
 
