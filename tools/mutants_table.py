@@ -707,6 +707,41 @@ LIGHT_AND_MAPS = (
         "data/test_material_inspection.py::test_photographs_taken_for_silhouettes_are_told_of_materials",
     ),
     mutant(
+        "checkpoint: files are for their owner alone",
+        "training/checkpoint.py",
+        "temporary.chmod(mode)",
+        "pass",
+        "training/test_checkpoint.py::test_a_file_has_the_rights_that_other_files_have",
+    ),
+    mutant(
+        "checkpoint: what may not be read is damaged",
+        "training/checkpoint.py",
+        '    path.open("rb").close()\n',
+        "",
+        "training/test_checkpoint.py::test_a_file_that_may_not_be_read_is_not_called_damaged",
+    ),
+    mutant(
+        "fit: settings of a failed fit stay",
+        "cli/_fits.py",
+        "settings.unlink()",
+        "pass",
+        "cli/test_fit.py::test_a_fit_that_found_nothing_leaves_its_folder_to_others",
+    ),
+    mutant(
+        "arrays: angles that float32 cannot hold become infinite",
+        "data/readers/lines.py",
+        "(angle.abs() > MAX_ANGLE)",
+        "(angle.abs() > math.inf)",
+        "data/readers/test_arrays.py::test_what_is_no_angle_is_refused",
+    ),
+    mutant(
+        "studio: an empty host is all of the machine",
+        "studio/server.py",
+        "if not host:",
+        "if False:",
+        "studio/test_server.py::test_an_empty_host_is_refused_and_not_all_of_the_machine",
+    ),
+    mutant(
         "data: every action has the flags of inspect",
         "cli/data.py",
         'return bind(f"data {first}", argv[1:], ACTIONS[first])[0]',
@@ -2353,8 +2388,8 @@ TRAINING = (
     mutant(
         "load: a run that was stopped is complete",
         "training/run.py",
-        "step, seconds.item()) >= 1",
-        "step, seconds.item()) >= 0",
+        "step, float(seconds.sum())) >= 1",
+        "step, float(seconds.sum())) >= 0",
         "training/test_resume.py::test_a_run_that_was_stopped_is_not_complete_when_it_is_opened",
     ),
     mutant(
@@ -4246,8 +4281,8 @@ TRUST = (
     mutant(
         "a network without width",
         "networks/blocks.py",
-        "        if width < 1:",
-        "        if width < 0:",
+        "        if not 1 <= width <= MAX_WIDTH:",
+        "        if not 0 <= width <= MAX_WIDTH:",
         "test_trust.py::test_a_generator_without_width",
     ),
     mutant(

@@ -69,7 +69,7 @@ def naming(path: Path) -> Iterator[None]:
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, whole or not at all (`atomic_path`)."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")  # names of files may be no text
 
 
 def _synchronise(path: Path, mode: int = os.O_RDWR) -> None:
@@ -92,6 +92,18 @@ def check_replaceable(path: Path) -> None:
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         raise UserError(f"{path}: is a pipe, a socket or a device; give the name of a file to write")
+
+
+def check_encoded(path: Path) -> None:
+    """Refuse names that are not UTF-8, which safetensors cannot open.
+
+    Raises:
+        UserError: if it is one.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise UserError(f"{path}: its name is not UTF-8; choose another, or rename it") from None
 
 
 def check_regular(path: str | os.PathLike[str]) -> None:

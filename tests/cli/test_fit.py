@@ -327,3 +327,21 @@ def test_an_npz_of_another_size_is_taken_and_lines_are_refused(shapes: Path, mas
     np.savez(tmp_path / "lines.npz", sinograms=np.ones((2, 16, 4), np.float32))
     with pytest.raises(UserError, match=r"lines.npz: holds no pictures, and this run learned from silhouettes"):
         observed(run, [tmp_path / "lines.npz"], viewing_of(state))
+
+
+def test_a_fit_that_found_nothing_leaves_its_folder_to_others(shapes: Path, masks: Path, tmp_path: Path) -> None:
+    picture, out = masks / "chair0.png", tmp_path / "f"
+    assert fit(shapes, picture, "--out", out, "--prior", "1e300") == 2
+    assert fit(shapes, picture, "--out", out) == 0
+
+
+@pytest.mark.parametrize(("view", "why"), [("1e300", "give degrees of"), ("30,100", "100 degrees is beyond a pole")])
+def test_angles_that_are_none_are_refused(view: str, why: str) -> None:
+    with pytest.raises(UserError, match=why):
+        given_view(view, ["azimuth", "elevation"])
+
+
+def test_dots_in_names_of_arrays_are_no_suffixes(shapes: Path, tmp_path: Path) -> None:
+    np.savez(tmp_path / "m.npz", sil=np.ones((2, 16, 16), bool), names=np.array(["sample_0.25", "sample_0.50"]))
+    assert fit(shapes, tmp_path / "m.npz", "--out", tmp_path / "f", "--no-novelty") == 0
+    assert {"sample_0.25", "sample_0.50"} <= {path.name for path in (tmp_path / "f").iterdir()}

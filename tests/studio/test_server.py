@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from unproject._types import UserError
 from unproject.cli import main
 from unproject.studio import Studio
 from unproject.studio.answers import Busy
@@ -275,3 +276,8 @@ def test_ctrl_c_ends_it_while_it_computes(runs: Path) -> None:
         [sys.executable, "-c", BUSY.format(folder=str(runs))], capture_output=True, text=True, timeout=120
     )
     assert (done.returncode, done.stderr) == (0, "") and "Ctrl-C ends it" in done.stdout
+
+
+def test_an_empty_host_is_refused_and_not_all_of_the_machine(runs: Path) -> None:
+    with pytest.raises(UserError, match="--host: is empty"):
+        Studio(runs, "")

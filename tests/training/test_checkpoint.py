@@ -65,3 +65,26 @@ def test_files_of_other_names_are_no_checkpoints(tmp_path: Path) -> None:
     for name in ("step-000000002", "step-best", "step-000000001"):
         (tmp_path / f"{name}.safetensors").touch()
     assert [step_of(path) for path in list_checkpoints(tmp_path)] == [1, 2]
+
+
+def test_a_file_has_the_rights_that_other_files_have(tmp_path: Path) -> None:
+    """The library's own are for their owner alone, so that nobody could open a shared run."""
+    (tmp_path / "other").touch()
+    path = checkpoint.save(tmp_path, 1, {"a": torch.ones(1)})
+    assert path.stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = checkpoint.save(tmp_path, 1, {"a": torch.ones(1)})
+
+    def refused(self: Path, mode: str) -> None:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    with monkeypatch.context() as patch, pytest.raises(PermissionError):
+        patch.setattr(Path, "open", refused)
+        checkpoint.load(path)
+
+
+def test_names_that_are_not_utf_8_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="is not UTF-8; choose another"):
+        checkpoint.load(tmp_path / "\udcff.safetensors")

@@ -74,3 +74,9 @@ def test_a_run_goes_on_where_silhouettes_are_rendered_by_another_kernel(
     np.savez(tmp_path / "chairs.npz", voxels=chairs(12, 16, seed=4).numpy() > 0.5)
     with pytest.raises(UserError, match="panels differs from when the run was started"):
         resume(run.path, steps=3, quiet=True)
+
+
+@pytest.mark.parametrize("damaged", [None, "x", 3, [None, 1.0]])
+def test_a_damaged_sketch_is_not_near(damaged: object) -> None:
+    described = stored(torch.rand(4, 8))
+    assert matches(described, described) and not matches({**described, "sketch": damaged}, described)

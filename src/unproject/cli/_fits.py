@@ -18,6 +18,7 @@ from PIL import Image
 from .._files import atomic_path, read_json, understood, write_text
 from .._types import UserError, printable
 from ..data.readers.arrays import load_arrays
+from ..data.readers.lights import SUFFIXES
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..training.description import describe
 from ..training.fitted_pictures import doubts, object_of, unit_of, view_of
@@ -60,7 +61,9 @@ class Job:
         grouped: dict[str, list[int]] = {}
         made_of: dict[str, Path] = {}
         for row, path in enumerate(paths):
-            name = "_".join(path.relative_to(common).with_suffix("").parts)
+            whole = path.relative_to(common)
+            picture = whole.suffix.lower() in SUFFIXES  # of arrays names may have dots
+            name = "_".join((whole.with_suffix("") if picture else whole).parts)
             if made_of.setdefault(name, path) != path:
                 raise UserError(f"{path}: would be called {name}, as {made_of[name]} is; rename one of them")
             grouped.setdefault(name, []).append(row)
@@ -78,8 +81,14 @@ def write_fits(job: Job, together: bool) -> None:
     """Find and write each fit, then the files of all of them."""
     groups = job.groups(together)
     job.fitter.check(job.found.subset([0]).floats())  # before anything is written
-    _claim(job.out / "settings.json", {"settings": job.settings(), "fits": list(groups)})
-    entries = [_entry(job, name, rows, k, len(groups)) for k, (name, rows) in enumerate(groups.items())]
+    settings = job.out / "settings.json"
+    _claim(settings, {"settings": job.settings(), "fits": list(groups)})
+    try:
+        entries = [_entry(job, name, rows, k, len(groups)) for k, (name, rows) in enumerate(groups.items())]
+    except UserError:
+        if not any((job.out / name / "fit.json").exists() for name in groups):
+            settings.unlink()  # nothing was found with these settings, so that others may be tried in this folder
+        raise
     found = [_best(job.out / name / "fit.npz") for name in groups]
     job.opened.domain.write_arrays(torch.stack(found), job.out / "fit.npz")
     _write_text(job.out / "fit.json", json.dumps({"run": str(job.opened.path), "fits": entries}, indent=1))

@@ -10,6 +10,8 @@ from .._types import UserError
 from ._machine import use_threads
 from ._materials import read_maps
 
+MAX_STRIP = 1000
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -85,8 +87,8 @@ def _check(out: Path, strip: int | None) -> None:
         raise UserError(f"--out {out}: give a name that ends in .png, .npy or .gif")
     if out.suffix == ".gif" and strip is None:
         raise UserError(f"--out {out}: a .gif shows a strip; say --strip 12, or give a .png")
-    if strip is not None and (strip < 1 or out.suffix == ".npy"):
-        raise UserError(f"--strip {strip}: give 1 picture or more, and a .png or .gif")
+    if strip is not None and (not 1 <= strip <= MAX_STRIP or out.suffix == ".npy"):
+        raise UserError(f"--strip {strip}: give 1 to {MAX_STRIP} pictures, and a .png or .gif")
 
 
 def view_of(text: str) -> tuple[float, float]:

@@ -13,6 +13,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from .._types import UserError
+
+MIN_SIDE = 4
+"""Pixels a side, of which the digits have three quarters."""
+
 HELD_OUT = 297
 
 
@@ -21,6 +26,8 @@ def digits(size: int = 32, held_out: bool = False) -> Tensor:
 
     The 8² pixels become (3/4 size)² smoothly, with a margin of an eighth of the side all around, as MNIST has.
     """
+    if size < MIN_SIDE:
+        raise UserError(f"digits: size={size}: give at least {MIN_SIDE} pixels a side")
     images = _stored("images", held_out).float()[:, None] / 16
     inner = size * 3 // 4
     images = F.interpolate(images, size=(inner, inner), mode="bicubic", align_corners=False).clamp(0, 1)

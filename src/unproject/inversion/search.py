@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from .._types import UserError
 
+MAX_RATE = 1e30
+"""What float32 holds; nothing is found with far less."""
+
 
 @dataclass(frozen=True)
 class Search:
@@ -48,5 +51,5 @@ class Search:
             if not 0 <= getattr(self, name) < math.inf:
                 raise UserError(f"{name}={getattr(self, name):g}: give 0 or more")
         for name in ("rate", "tune_rate"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise UserError(f"{name}={getattr(self, name):g}: must be positive")
+            if not 0 < getattr(self, name) <= MAX_RATE:
+                raise UserError(f"{name}={getattr(self, name):g}: must be positive, and at most {MAX_RATE:g}")

@@ -13,10 +13,12 @@ from .._types import UserError
 from ..ops.resampling import doubled
 
 Upsampling: TypeAlias = Literal["transposed", "nearest"]
+MAX_WIDTH = 2**24
+"""What is larger overflows torch's sizes; what fits is for memory to say."""
 
 
 def check_widths(where: str, **widths: int) -> None:
-    """Raise UserError for a width of a network that is less than 1.
+    """Raise UserError for a width of a network that is less than 1, or so large that its size overflows.
 
     Examples:
         >>> check_widths("generator", channels=0)
@@ -25,8 +27,8 @@ def check_widths(where: str, **widths: int) -> None:
         unproject._types.UserError: generator: channels=0; give at least 1
     """
     for name, width in widths.items():
-        if width < 1:
-            raise UserError(f"{where}: {name}={width}; give at least 1")
+        if not 1 <= width <= MAX_WIDTH:
+            raise UserError(f"{where}: {name}={width}; give at {'least 1' if width < 1 else f'most {MAX_WIDTH}'}")
 
 
 def halved_widths(channels: int, levels: int, least: int = 8) -> list[int]:

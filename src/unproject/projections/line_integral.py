@@ -16,6 +16,9 @@ from .base import Projection
 from .observation import Observation
 from .priors import Uniform
 
+MAX_DIRECTIONS = 10_000
+"""Of one panel; each has a head of its own."""
+
 
 @dataclass(frozen=True)
 class LineIntegral(Projection):
@@ -101,10 +104,10 @@ def directions(
         >>> [observation.name for observation in directions(3, spread=0.1)]
         ['direction-00', 'direction-01', 'direction-02']
     """
-    if count < 1 or not 0 <= spread <= math.pi / 2 / count:
+    if not 1 <= count <= MAX_DIRECTIONS or not 0 <= spread <= math.pi / 2 / count:
         raise UserError(
-            f"directions({count}, spread={spread:g}): give at least one, and a spread of at most half the space "
-            "between two, 90° / count"
+            f"directions({count}, spread={spread:g}): give 1 to {MAX_DIRECTIONS}, and a spread of at most half the "
+            "space between two, 90° / count"
         )
     middles = [math.pi * k / count for k in range(2 * count if whole else count)]
     return tuple(

@@ -16,7 +16,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from .._types import UserError
 from .answers import POLICY, Answer, Busy, Missing, Request, of_json
-from .guard import EVERYWHERE, LOOPBACK, Guard, authority
+from .guard import LOOPBACK, Guard, authority
 from .routes import ROUTES
 from .state import State
 
@@ -56,6 +56,9 @@ class Studio(ThreadingHTTPServer):
         self, folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 0, trust: bool = False
     ) -> None:
         self.state = State(Path(folder), trust)
+        host = "0.0.0.0" if host == "0" else host
+        if not host:
+            raise UserError("--host: is empty; give an address, such as 127.0.0.1, or 0.0.0.0 for all of this machine")
         if ":" in host:
             self.address_family = socket.AF_INET6
         try:
@@ -179,8 +182,9 @@ def serve(folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 8600
     with Studio(folder, host, port, trust) as studio:
         respond(studio.state, "GET", "/api/runs", Request({}))  # reads all logs once, so that the page is there at once
         print(f"studio: {studio.address}  (Ctrl-C ends it)", flush=True)
-        if host in EVERYWHERE:
-            print(f"from other machines, as this one's name: {studio.address.replace(host, socket.gethostname())}")
+        if (everywhere := authority(host, 0).removesuffix(":0")) in ("0.0.0.0", "[::]"):
+            named = studio.address.replace(everywhere, socket.gethostname())
+            print(f"from other machines, as this one's name: {named}")
         try:
             studio.serve_forever()
         except KeyboardInterrupt:

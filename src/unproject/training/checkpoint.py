@@ -10,7 +10,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from .._files import atomic_path
+from .._files import atomic_path, check_encoded
 from .._types import UserError
 
 FORMAT = "unproject-1"
@@ -22,10 +22,13 @@ def save(folder: Path, step: int, tensors: dict[str, Tensor]) -> Path:
     """Write the checkpoint of a step, then drop all but the newest two. A full disk leaves the older ones."""
     path = checkpoint_of(folder, step)
     with atomic_path(path) as temporary:
+        temporary.touch()
+        mode = temporary.stat().st_mode  # as the umask says; the library's files are for their owner alone
         try:
             save_file(tensors, temporary, metadata={"format": FORMAT})
         except SafetensorError as error:  # the library's name for a failed write
             raise _as_os_error(path, error) from error
+        temporary.chmod(mode)
     for old in list_checkpoints(folder)[:-KEEP]:
         old.unlink()
     return path
@@ -73,7 +76,14 @@ def newest(folder: Path) -> Path:
 
 
 def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
-    """The tensors of a checkpoint whose names begin with `prefix`. Raises UserError if it is not one of ours."""
+    """The tensors of a checkpoint whose names begin with `prefix`.
+
+    Raises:
+        UserError: if it is not one of ours, or its name is not UTF-8.
+        OSError: if the system does not let it be read.
+    """
+    check_encoded(path)
+    path.open("rb").close()
     try:
         with safe_open(path, framework="pt") as file:
             check_format(path, (file.metadata() or {}).get("format", ""))

@@ -106,8 +106,10 @@ def _without(described: dict[str, Any], *names: str) -> dict[str, Any]:
     return {key: value for key, value in described.items() if key not in names}
 
 
-def _is_near(before: list[float], now: list[float]) -> bool:
-    """Whether sketches differ by less than rounding; the norms come first."""
+def _is_near(before: Any, now: list[float]) -> bool:
+    """Whether sketches differ by less than rounding; the norms come first. That of recipe.json may be damaged."""
+    if not isinstance(before, list) or not all(isinstance(number, int | float) for number in before):
+        return False
     return len(before) == len(now) and all(abs(a - b) <= ROUNDING * before[0] for a, b in zip(before, now, strict=True))
 
 

@@ -18,6 +18,7 @@ from ..assignment import AssignmentState
 from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
 from ..data.measured_lines import standardised_lines
 from ..data.readers.lights import SUFFIXES as MATERIALS
+from ..data.readers.lines import MAX_ANGLE
 from ..data.readers.pictures import SUFFIXES as PICTURES
 from ..data.readers.pictures import required_pictures
 from ..domains import Domain
@@ -200,8 +201,11 @@ def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
         degrees = [float(part) for part in view.split(",")]
     except ValueError:
         degrees = []
-    if not 1 <= len(degrees) <= len(latents) or not all(map(math.isfinite, degrees)):
+    if not 1 <= len(degrees) <= len(latents) or not all(abs(angle) <= MAX_ANGLE for angle in degrees):
         raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
     if latents[0] == "view" and not abs(degrees[0]) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
-    return {name: math.radians(value) for name, value in zip(latents, degrees, strict=False)}
+    given = dict(zip(latents, degrees, strict=False))
+    if abs(given.get("elevation", 0)) > 90:
+        raise UserError(f"--view {view}: an elevation of {given['elevation']:g} degrees is beyond a pole")
+    return {name: math.radians(value) for name, value in given.items()}

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from .._objects import find_object
@@ -27,6 +26,7 @@ from .budget import progress_of
 from .building import build, build_domain
 from .compatibility import check_data, check_same
 from .counters import COUNTERS
+from .distribution import device_of
 from .evaluation import estimated_view_scores, observed_scores, sample_scores, self_checks
 from .fitting import state_of, viewing_of
 from .memory import require_memory
@@ -228,7 +228,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
 
     Args:
         path: the run directory.
-        device: where to put the generator: "cpu" or "cuda".
+        device: where to put the generator: "auto", "cpu" or "cuda".
         trust: import code outside this package.
         recipe: the run's recipe, which builds the generator in place of what recipe.json names: for a class that
             cannot be imported, as of a notebook, or whose arguments are tensors. Nothing else needs `trust` then.
@@ -251,7 +251,7 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
         >>> up.load(run.path).sample(1, seed=7).equal(run.sample(1, seed=7))
         True
     """
-    path = Path(path)
+    path, place = Path(path), device_of(device)
     stored = read_recipe(path)
     if recipe is not None:
         check_same(path, recipe)
@@ -272,5 +272,5 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
     keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
     step = checkpoint.step_of(newest)
     spent = checkpoint.load(newest, f"{COUNTERS}seconds").values()  # nothing in a shared run
-    complete = all(progress_of(stored["resolved"], step, seconds.item()) >= 1 for seconds in spent)
-    return Run(path, generator.eval().to(torch.device(device)), step, domain, complete, given=recipe, trusted=trust)
+    complete = all(progress_of(stored["resolved"], step, float(seconds.sum())) >= 1 for seconds in spent)
+    return Run(path, generator.eval().to(place), step, domain, complete, given=recipe, trusted=trust)

@@ -20,7 +20,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .._files import read_json, understood, write_text
+from .._files import check_encoded, read_json, understood, write_text
 from .._types import UserError
 from . import event_file
 from .description import describe
@@ -38,6 +38,7 @@ WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FO
 
 def check_free(path: Path, recipe: Recipe | None = None) -> None:
     """Raise UserError if a new run cannot be made at `path`: it holds one, or the recipe's data, or is a file."""
+    check_encoded(path)
     if (path / "recipe.json").exists():
         raise UserError(
             f"{path}: holds a run already; `unproject resume {shlex.quote(str(path))}` goes on with it, or choose "

@@ -287,3 +287,14 @@ def test_sinograms_in_another_order_of_axes_are_said(tmp_path: Path) -> None:
     np.savez(tmp_path / "wrong.npz", sinograms=sinograms.swapaxes(1, 2))
     with pytest.warns(UserWarning, match=r"sinograms are \(M, D, A\), detectors by angles; if this is \(M, A, D\)"):
         Collection.lines(tmp_path / "wrong.npz")
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "why"),
+    [(1e300, 0.0, r"azimuth: has 1e\+300; give angles"), (0.5, 2.0, "114.592 degrees is beyond a pole")],
+)
+def test_what_is_no_angle_is_refused(tmp_path: Path, azimuth: float, elevation: float, why: str) -> None:
+    known = {"azimuth": np.full(3, azimuth), "elevation": np.full(3, elevation)}
+    np.savez(tmp_path / "m.npz", sil=np.ones((3, 8, 8), bool), **known)
+    with pytest.raises(UserError, match=why):
+        Collection.silhouettes(tmp_path / "m.npz")

@@ -172,6 +172,7 @@ def test_views_of_a_skipped_picture_are_left_out(pair):
         ("file,azimuth\na.png,1\nsub/b.png,2\nc.png,3\n", r"line 4: there is no picture c\.png"),
         ("file,azimuth\na.png,1\nsub/b.png,east\n", r"line 3: 'east' is no angle"),
         ("file,azimuth\na.png,1\nsub/b.png,nan\n", r"line 3: 'nan' is no angle"),
+        ("file,azimuth\na.png,1\nsub/b.png,1e300\n", r"line 3: '1e300' is no angle"),
         ("file,azimuth\na.png,1\na.png,2\nsub/b.png,2\n", r"line 3: a\.png has a row already"),
         ("file,azimuth\na.png,1,2\nsub/b.png,2\n", r"line 2: has 3 cells; give 2"),
         ("file,azimuth\na.png,1\n", r"1 pictures have no row, the first is sub/b\.png"),

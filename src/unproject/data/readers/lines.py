@@ -18,6 +18,8 @@ LINES = ("line", "lines", "line_integrals")
 SINOGRAMS = ("sinogram", "sinograms")
 MOST_RADIANS = 4 * math.pi
 """Angles beyond are taken for degrees."""
+MAX_ANGLE = 1e5
+"""Degrees or radians; of larger ones float32 tells less than a hundredth."""
 MIN_READINGS, MIN_UNEVEN, MAX_EVEN = 4, 0.2, 0.05
 """Detectors and angles at least, and how uneven sums over them are, if the axes are surely in another order."""
 
@@ -64,10 +66,20 @@ def count_of_angles(key: str, values: Tensor) -> int:
 
 
 def in_radians(path: Path, latents: Mapping[str, np.ndarray]) -> dict[str, Tensor]:
-    """Return angles in radians; those of a file of which one is beyond 4 π are taken for degrees, which is said."""
+    """Return angles in radians; those of a file of which one is beyond 4 π are taken for degrees, which is said.
+
+    Raises:
+        UserError: for what is too large for an angle, and for elevations beyond a pole.
+    """
     found = {name: torch.from_numpy(value.astype(np.float64)) for name, value in latents.items()}
+    for name, angle in found.items():
+        if bool((angle.abs() > MAX_ANGLE).any()):
+            raise UserError(f"{path}: {name}: has {angle.abs().max():g}; give angles of at most {MAX_ANGLE:g}")
     if any(bool((angle.abs() > MOST_RADIANS).any()) for angle in found.values()):
         ranges = ", ".join(f"{name} from {angle.min():g} to {angle.max():g}" for name, angle in found.items())
         warnings.warn(f"{path}: {ranges}: looks like degrees and is taken so; radians are at most 4 π", stacklevel=2)
         found = {name: angle.deg2rad() for name, angle in found.items()}
+    steepest = found["elevation"].abs().max().rad2deg() if found.get("elevation", torch.empty(0)).numel() else 0
+    if steepest > 90.001:  # float32 radians of 90 degrees are a little more
+        raise UserError(f"{path}: an elevation of {steepest:g} degrees is beyond a pole; give -90 to 90 degrees")
     return {name: angle.float() for name, angle in found.items()}

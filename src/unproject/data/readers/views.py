@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from ..._types import UserError
+from .lines import MAX_ANGLE
 
 VIEWS = "views.csv"
 
@@ -90,7 +91,7 @@ def _read_row(file: Path, line: int, row: list[str], columns: list[str]) -> tupl
         degrees = [float(cell) for cell in row[1:]]
     except ValueError:
         degrees = [math.nan]
-    if not all(map(math.isfinite, degrees)):
+    if not all(abs(angle) <= MAX_ANGLE for angle in degrees):
         raise UserError(f"{file}, line {line}: {','.join(row[1:])!r} is no angle; give degrees as numbers")
     if len(degrees) > 1 and abs(degrees[1]) > 90:
         raise UserError(f"{file}, line {line}: an elevation of {degrees[1]:g} degrees is beyond a pole; give -90 to 90")
