@@ -83,7 +83,8 @@ def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
         OSError: if the system does not let it be read.
     """
     check_encoded(path)
-    path.open("rb").close()
+    if path.is_file():
+        path.open("rb").close()  # what the system refuses is not damaged
     try:
         with safe_open(path, framework="pt") as file:
             check_format(path, (file.metadata() or {}).get("format", ""))
