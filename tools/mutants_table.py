@@ -4833,7 +4833,7 @@ FINDINGS = (
         "{name: value[: len(rows)] for name, value in found.latents.items()}\n    kept",
         "data/readers/test_arrays.py::test_masks_that_show_nothing_are_left_out"),
     mutant("sinograms: another order of axes passes", "data/readers/lines.py",
-        "_uneven(values, 2) < MAX_EVEN", "_uneven(values, 2) < 0",
+        "_uneven(values, 2) < MAX_UNEVEN", "_uneven(values, 2) < 0",
         "data/readers/test_arrays.py::test_sinograms_in_another_order_of_axes_are_said"),
     mutant("novelty: among the strangest p does not fall", "inversion/novelty.py",
         "(1 + by / tail) ** -tail", "(1 + 0 * by)",

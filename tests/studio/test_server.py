@@ -278,6 +278,13 @@ def test_ctrl_c_ends_it_while_it_computes(runs: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "") and "Ctrl-C ends it" in done.stdout
 
 
+def test_a_studio_that_listens_everywhere_has_an_address_for_others(runs: Path) -> None:
+    with Studio(runs, "0") as studio:
+        assert studio.host == "0.0.0.0"
+        assert studio.address_at("here") == studio.address.replace("0.0.0.0", "here")
+        assert studio.address_at("::1").startswith(f"http://[::1]:{studio.port}/?token=")
+
+
 def test_an_empty_host_is_refused_and_not_all_of_the_machine(runs: Path) -> None:
     with pytest.raises(UserError, match="--host: is empty"):
         Studio(runs, "")

@@ -16,7 +16,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from .._types import UserError
 from .answers import POLICY, Answer, Busy, Missing, Request, of_json
-from .guard import LOOPBACK, Guard, authority
+from .guard import EVERYWHERE, LOOPBACK, Guard, authority
 from .routes import ROUTES
 from .state import State
 
@@ -66,10 +66,15 @@ class Studio(ThreadingHTTPServer):
         except (OSError, OverflowError) as error:
             why = getattr(error, "strerror", None) or error
             raise UserError(f"--host {host} --port {port}: {why}; give another port, or --port 0 for any") from None
-        taken = int(self.server_address[1])
+        self.host, self.port = host, int(self.server_address[1])
         token = None if host in LOOPBACK else secrets.token_urlsafe(24)
-        self.guard = Guard.of(host, taken, token)
-        self.address = f"http://{authority(host, taken)}/" + ("" if token is None else f"?token={token}")
+        self.guard = Guard.of(host, self.port, token)
+        self.address = self.address_at(host)
+
+    def address_at(self, host: str) -> str:
+        """Return the address by which it is opened at a name of this machine, with the token if one is needed."""
+        token = self.guard.token
+        return f"http://{authority(host, self.port)}/" + ("" if token is None else f"?token={token}")
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of connections that break off: browsers do that all the time."""
@@ -182,9 +187,8 @@ def serve(folder: str | PathLike[str], host: str = "127.0.0.1", port: int = 8600
     with Studio(folder, host, port, trust) as studio:
         respond(studio.state, "GET", "/api/runs", Request({}))  # reads all logs once, so that the page is there at once
         print(f"studio: {studio.address}  (Ctrl-C ends it)", flush=True)
-        if (everywhere := authority(host, 0).removesuffix(":0")) in ("0.0.0.0", "[::]"):
-            named = studio.address.replace(everywhere, socket.gethostname())
-            print(f"from other machines, as this one's name: {named}")
+        if studio.host in EVERYWHERE:
+            print(f"from other machines, as this one's name: {studio.address_at(socket.gethostname())}")
         try:
             studio.serve_forever()
         except KeyboardInterrupt:

@@ -20,7 +20,7 @@ MOST_RADIANS = 4 * math.pi
 """Angles beyond are taken for degrees."""
 MAX_ANGLE = 1e5
 """Degrees or radians; of larger ones float32 tells less than a hundredth."""
-MIN_READINGS, MIN_UNEVEN, MAX_EVEN = 4, 0.2, 0.05
+MIN_READINGS, MIN_UNEVEN, MAX_UNEVEN = 4, 0.2, 0.05
 """Detectors and angles at least, and how uneven sums over them are, if the axes are surely in another order."""
 
 
@@ -43,7 +43,7 @@ def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor]
     if key in LINES:
         return Found(values, latents=latents, source=str(path))
     count, detectors, angles = values.shape
-    if min(detectors, angles) >= MIN_READINGS and _uneven(values, 1) > MIN_UNEVEN and _uneven(values, 2) < MAX_EVEN:
+    if min(detectors, angles) >= MIN_READINGS and _uneven(values, 1) > MIN_UNEVEN and _uneven(values, 2) < MAX_UNEVEN:
         warnings.warn(
             f"{path}: {key}: sums along the last axis are alike, as those over detectors are at all angles; sinograms "
             "are (M, D, A), detectors by angles; if this is (M, A, D), save array.swapaxes(1, 2)",

@@ -26,11 +26,9 @@ def find(path: str | os.PathLike[str], options: ReadOptions) -> Found:
     check_size(path, options.size)
     file, selector = split_selector(path)
     if path.is_dir():
-        return (
-            find_volumes(path, options.size, strict=options.strict)
-            if holds_shapes(path)
-            else read_pictures(path, options)
-        )
+        if holds_shapes(path):
+            return find_volumes(path, options.size, strict=options.strict)
+        return read_pictures(path, options)
     if not file.exists():
         raise UserError(f"{path}: there is no such file or folder; check the path")
     if selector or file.suffix.lower() in SHAPES or is_shape_archive(file):

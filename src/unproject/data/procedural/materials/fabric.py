@@ -44,7 +44,7 @@ DYES = (
 """Colours of threads in sRGB, from white and flax to plum."""
 BANDS = 8
 """Places in a tile where colours are drawn, as many as coarse weaves have threads; a thread has that of its middle."""
-MAX_THREADS = 16
+MAX_PER_TILE = 16
 """Threads a tile at most."""
 
 CHANCES = Chances(
@@ -151,9 +151,8 @@ def woven(over: Over, repeat: int) -> Callable[[Draws], Tensor]:
 
     def made(d: Draws) -> Tensor:
         x, y = texels(d.size)
-        n = repeat * torch.ceil((BANDS + (MAX_THREADS - BANDS) * d["count"]) / repeat - 0.5).clamp(
-            1, MAX_THREADS // repeat
-        )
+        wanted = BANDS + (MAX_PER_TILE - BANDS) * d["count"]
+        n = repeat * torch.ceil(wanted / repeat - 0.5).clamp(1, MAX_PER_TILE // repeat)
         i, j = ((z * n).floor() for z in (x, y))
         u, v = x * n - i - 0.5 + 0 * j, y * n - j - 0.5 + 0 * i
         above = over(i, j)
