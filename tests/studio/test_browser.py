@@ -404,6 +404,37 @@ def test_a_bad_address_is_said_and_the_page_goes_on(tab: Tab, place: str, says: 
     assert not tab.page.is_visible("#trouble")
 
 
+LATE = {
+    "the address": "app.keep({ run: 'wood', light: 'studio' });",
+    "a request": "draws.forEach((draw) => draw('late'));",
+}
+
+
+@pytest.mark.parametrize("late", LATE.values(), ids=list(LATE))
+def test_a_panel_that_is_left_changes_nothing_any_more(tab: Tab, late: str) -> None:
+    tab.go("materials?run=wood")
+    tab.until("samples a pixel")
+    # A timer may fire after the address has changed and before the page is told so.
+    tab.page.evaluate(
+        f"""async () => {{
+          const app = await import("/assets/app.js");
+          window.drawn = [];
+          const slow = app.latest(async (value) => {{
+            await new Promise((done) => setTimeout(done, 50));
+            window.drawn.push(value);
+          }});
+          slow("first");
+          const draws = [slow];
+          app.go("runs", {{}});
+          {late}
+        }}"""
+    )
+    tab.until("4 runs in")
+    tab.page.wait_for_timeout(200)
+    assert tab.page.evaluate("() => location.hash") == "#/runs"
+    assert tab.page.evaluate("() => window.drawn") == ["first"]
+
+
 def test_a_panel_says_that_it_does_not_show_what_a_run_makes(tab: Tab) -> None:
     tab.go("materials?run=chairs")
     tab.until("This run makes shapes, which this panel does not show.")

@@ -74,10 +74,13 @@ export function here() {
 export const link = (panel, query) => address(`#/${panel}`, query);
 export function go(panel, query) { location.hash = link(panel, query); }
 
-// Keeps what is on screen in the address bar, without a new entry in the history.
+// Keeps what is on screen in the address bar, without a new entry in the history. Nothing is kept of a panel once the
+// address has moved on: between that and hashchange a timer may fire, and would send the reader back.
 export function keep(changes) {
+  if (location.hash !== open.hash) return;
   const { panel, query } = here();
   history.replaceState(null, "", link(panel, { ...query, ...changes }));
+  open.hash = location.hash;
 }
 
 // Calls work() now and every so many seconds while the panel is open and seen; returns what stops it.
@@ -101,11 +104,12 @@ export function repeatedly(seconds, work) {
 // Calls work(value) with the newest value only, one call at a time: a slider moves faster than meshes are made.
 export function latest(work) {
   let waiting = null, busy = false;
+  const { signal } = open.left;
   return async function call(value) {
     waiting = [value];
     if (busy) return;
     busy = true;
-    while (waiting) {
+    while (waiting && !signal.aborted) {
       const [one] = waiting;
       waiting = null;
       try { await work(one); say(null); } catch (error) { say(error); }
@@ -118,6 +122,7 @@ function open() {
   close();
   if (open.left) open.left.abort();
   open.left = new AbortController();
+  open.hash = location.hash;
   say(null);
   const { panel, query } = here();
   for (const tab of document.querySelectorAll("#panels a")) {
