@@ -55,6 +55,7 @@ def test_a_dataclass_in_a_file() -> None:
         ("look", "write module:name"),
         ("look:", "write module:name"),
         (":look", "write module:name"),
+        ("./shape:look", "write module:name or path/to/file.py:name"),
         ("nowhere.py:look", "nowhere.py: no such file"),
         ("no_such_module:look", "there is no module 'no_such_module'"),
         ("unproject.nothing:look", "there is no module 'unproject.nothing'"),

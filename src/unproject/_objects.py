@@ -29,7 +29,8 @@ def find_object(where: str) -> Any:
         3.141592653589793
     """
     source, _, name = where.rpartition(":")
-    if not source or not name:
+    is_module = all(part.isidentifier() for part in source.split("."))
+    if not name or not (source.endswith(".py") or is_module):
         raise UserError(f"{where!r} names no object: write module:name or path/to/file.py:name")
     found: Any = _module_in_file(Path(source)) if source.endswith(".py") else _module_called(source)
     for part in name.split("."):

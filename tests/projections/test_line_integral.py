@@ -66,6 +66,7 @@ def test_a_whole_turn_of_directions() -> None:
         lambda: LineIntegral(unit=0.0),
         lambda: LineIntegral(unit=math.nan),
         lambda: directions(0),
+        lambda: opposite_directions(0),
         lambda: directions(10, 0.2),
         lambda: LineIntegral()(images(2), angle=torch.zeros(3)),
         lambda: LineIntegral()(images(2)[0], angle=torch.zeros(1)),

@@ -203,6 +203,19 @@ def test_a_run_that_cannot_be_shared_whole_is_not_shared(run: Path, tmp_path: Pa
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
+ODD = {"verdict.json": {"findings": {"views": 3}, "line": 3}, "environment.json": {"command": 3, "packages": [1]}}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_files_of_a_run_that_hold_something_else_are_no_crash(run: Path, tmp_path: Path, name: str, capsys: Any) -> None:
+    shutil.copytree(run, tmp_path / "run")
+    (tmp_path / "run" / name).write_text(json.dumps(ODD[name]))
+    assert main(["share", str(tmp_path / "run"), "--out", str(tmp_path / "shared")]) == 0
+    (tmp_path / "run" / name).write_text("[1]")
+    assert main(["share", str(tmp_path / "run"), "--out", str(tmp_path / "other")]) == 2
+    assert f"{name}: damaged (holds no object); " in capsys.readouterr().err and not (tmp_path / "other").exists()
+
+
 def test_weights_are_shared_under_their_own_step(run: Path, tmp_path: Path) -> None:
     """Of the step that was opened, whatever training has written since; not at all once that step is gone."""
     copied = tmp_path / "run"

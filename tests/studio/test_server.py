@@ -232,7 +232,7 @@ def test_a_port_that_is_taken(runs: Path, capsys: pytest.CaptureFixture[str]) ->
     with Studio(runs) as studio:
         port = studio.server_address[1]
         assert main(["studio", str(runs), "--port", str(port)]) == 2
-    assert f"--port {port}: Address already in use; give another port" in capsys.readouterr().err
+    assert f"--port {port}: Address already in use; give another --host or --port" in capsys.readouterr().err
 
 
 def test_training_prints_the_command_that_watches_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

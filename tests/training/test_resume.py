@@ -171,7 +171,7 @@ def interrupt() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_first_ctrl_c_saves_and_leaves(whole: Path, tmp_path: Path, number: int) -> None:
     before = signal.getsignal(number)
     with pytest.MonkeyPatch.context() as patch:
@@ -181,6 +181,16 @@ def test_the_first_ctrl_c_saves_and_leaves(whole: Path, tmp_path: Path, number: 
     assert signal.getsignal(number) is before
     assert resume(tmp_path, RECIPE, quiet=True).step == 8
     assert differences(whole, tmp_path) == []
+
+
+def test_a_closed_terminal_does_not_end_what_nohup_began(tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            at_call(patch, Trainer, "_update_generator", 7, lambda: signal.raise_signal(signal.SIGHUP))
+            assert train(RECIPE, tmp_path, quiet=True).step == 8
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> None:

@@ -45,6 +45,8 @@ class Search:
     consistent: bool = True
 
     def __post_init__(self) -> None:
+        if self.candidates < 1:
+            raise UserError(f"candidates={self.candidates}: give at least 1")
         if not 1 <= self.starts <= self.candidates:
             raise UserError(f"starts={self.starts}: give 1 to {self.candidates}, the number of candidates")
         for name in ("steps", "view_searches", "tune", "prior"):

@@ -123,9 +123,14 @@ def directions(
 def opposite_directions(count: int) -> tuple[int, ...]:
     """Return, for each of 2 `count` directions over a whole turn, the opposite one, whose lines are read backwards.
 
+    Raises:
+        UserError: for fewer than one direction, or too many.
+
     Examples:
         >>> from unproject.projections.line_integral import opposite_directions
         >>> opposite_directions(2)
         (2, 3, 0, 1)
     """
+    if not 1 <= count <= MAX_DIRECTIONS:
+        raise UserError(f"{count} directions: give 1 to {MAX_DIRECTIONS}")
     return tuple((k + count) % (2 * count) for k in range(2 * count))

@@ -46,7 +46,11 @@ def card_of(run: Run, folder: Path, title: str) -> str:
 
 
 def _read(file: Path) -> dict[str, Any]:
-    found = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    return _mapping(json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {})
+
+
+def _mapping(found: Any) -> dict[str, Any]:
+    """An object of a file, which somebody may have changed; nothing where it holds something else."""
     return found if isinstance(found, dict) else {}
 
 
@@ -64,9 +68,8 @@ def _picture(folder: Path) -> str:
 def _scores(verdict: Mapping[str, Any]) -> str:
     if not verdict:
         return "None were measured."
-    findings = verdict.get("findings")
-    found = findings.items() if isinstance(findings, Mapping) else ()
-    rows = [f"| {name} | {_value(f)} | {f.get('word', '')} | {f.get('protocol', '')} |" for name, f in found]
+    found = {name: _mapping(finding) for name, finding in _mapping(verdict.get("findings")).items()}
+    rows = [f"| {name} | {_value(f)} | {f.get('word', '')} | {f.get('protocol', '')} |" for name, f in found.items()]
     table = "\n".join(["| finding | value | | how it is measured |", "|---|---|---|---|", *rows]) if rows else ""
     return f"Verdict: {verdict.get('line', '')}\n\n{table}".strip()
 
@@ -77,7 +80,7 @@ def _value(finding: Mapping[str, Any]) -> str:
 
 
 def _provenance(recipe: Mapping[str, Any], environment: Mapping[str, Any]) -> str:
-    arguments = recipe.get("arguments") or {}
+    arguments = _mapping(recipe.get("arguments"))
     data = arguments.get("data") or "the recipe's own, procedural or embedded"
     data = data.get("path", data) if isinstance(data, dict) else data
     command = environment.get("command")
@@ -87,7 +90,7 @@ def _provenance(recipe: Mapping[str, Any], environment: Mapping[str, Any]) -> st
         "seed": arguments.get("seed"),
         "begun": environment.get("started"),
         "commit": environment.get("commit"),
-        "versions": ", ".join(f"{k} {v}" for k, v in (environment.get("packages") or {}).items() if v),
+        "versions": ", ".join(f"{k} {v}" for k, v in _mapping(environment.get("packages")).items() if v),
         "machine": environment.get("processor"),
     }
     return "\n".join(["| | |", "|---|---|", *(f"| {k} | {v} |" for k, v in rows.items() if v not in (None, ""))])

@@ -95,6 +95,8 @@ def _fill(folder: Path, opened: Run, title: str) -> None:
     for place in PLACES:
         if (opened.path / place).is_file():
             content = read_json(opened.path / place, RESTORE)
+            if not isinstance(content, dict):
+                raise UserError(f"{opened.path / place}: damaged (holds no object); {RESTORE}")
             if place != VERDICT or content.get("step", opened.step) == opened.step:
                 write_json(folder / place, without_paths(content))
     _copy_preview(opened, folder)

@@ -65,7 +65,7 @@ class Studio(ThreadingHTTPServer):
             super().__init__((host, port), Handler)
         except (OSError, OverflowError) as error:
             why = getattr(error, "strerror", None) or error
-            raise UserError(f"--host {host} --port {port}: {why}; give another port, or --port 0 for any") from None
+            raise UserError(f"--host {host} --port {port}: {why}; give another --host or --port (0 for any)") from None
         self.host, self.port = host, int(self.server_address[1])
         token = None if host in LOOPBACK else secrets.token_urlsafe(24)
         self.guard = Guard.of(host, self.port, token)

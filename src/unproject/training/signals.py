@@ -1,4 +1,4 @@
-"""Signals: the first Ctrl-C or SIGTERM asks a run to save and leave."""
+"""Signals: the first Ctrl-C, SIGTERM or SIGHUP asks a run to save and leave."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+ASKING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 
 
 @contextmanager
@@ -20,7 +22,8 @@ def stop_request() -> Iterator[Callable[[], bool]]:
         asked = True
 
     try:
-        previous = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        heard = [number for number in ASKING if number is signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
+        previous = {number: signal.signal(number, ask) for number in heard}  # nohup ignores SIGHUP: the run goes on
     except ValueError:  # not in the main thread, where signals cannot be caught
         previous = {}
     try:
