@@ -207,7 +207,7 @@ ODD = {"verdict.json": {"findings": {"views": 3}, "line": 3}, "environment.json"
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_files_of_a_run_that_hold_something_else_are_no_crash(run: Path, tmp_path: Path, name: str, capsys: Any) -> None:
+def test_files_of_a_run_that_hold_something_else(run: Path, tmp_path: Path, name: str, capsys: Any) -> None:
     shutil.copytree(run, tmp_path / "run")
     (tmp_path / "run" / name).write_text(json.dumps(ODD[name]))
     assert main(["share", str(tmp_path / "run"), "--out", str(tmp_path / "shared")]) == 0
