@@ -160,6 +160,13 @@ def test_what_cannot_be_packed(masks: Path, change: object, how: ReadOptions, me
     assert not (masks.parent / "p.npz").exists()
 
 
+def test_nothing_is_left_of_pictures_of_which_none_can_be_used(masks: Path) -> None:
+    no_picture(masks)
+    with pytest.raises(UserError, match="none of the 10"):
+        pack(masks, masks.parent / "p.npz", ReadOptions(16))
+    assert [file.name for file in masks.parent.iterdir()] == ["masks"]
+
+
 def test_a_pack_is_an_npz(masks: Path) -> None:
     with pytest.raises(UserError, match=r"p\.npy: a pack is an \.npz"):
         pack(masks, masks.parent / "p.npy", ReadOptions(16))

@@ -120,6 +120,8 @@ def _pack_of(path: Path, out: Path, parts: Sequence[Path], folder: Path, options
     tables = [_table(part) for part in parts]
     names, skipped, reasons = (np.concatenate([t[key] for t in tables]) for key in ("names", "skipped", "reasons"))
     reported = tuple((_text(name), _text(reason)) for name, reason in zip(skipped, reasons, strict=True))
+    if not len(names):
+        shutil.rmtree(folder)  # nothing in it is worth going on from
     check_used(path, len(names), reported)
     check_sizes(path, {t["shape"][1:]: _text(t["names"][0]) for t in reversed(tables) if len(t["names"])})
     shape = next(t["shape"] for t in tables if len(t["names"]))
