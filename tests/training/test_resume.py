@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -171,26 +171,30 @@ def interrupt() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
+@contextmanager
+def heard_by(number: int, handler: signal.Handlers) -> Iterator[None]:
+    before = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_first_ctrl_c_saves_and_leaves(whole: Path, tmp_path: Path, number: int) -> None:
-    before = signal.getsignal(number)
-    with pytest.MonkeyPatch.context() as patch:
+    with heard_by(number, signal.SIG_DFL), pytest.MonkeyPatch.context() as patch:  # under nohup SIGHUP is ignored
         at_call(patch, Trainer, "_update_generator", 7, lambda: signal.raise_signal(number))
         run = train(RECIPE, tmp_path, quiet=True)
+        assert signal.getsignal(number) is signal.SIG_DFL
     assert run.step == 7 and load(tmp_path).step == 7
-    assert signal.getsignal(number) is before
     assert resume(tmp_path, RECIPE, quiet=True).step == 8
     assert differences(whole, tmp_path) == []
 
 
 def test_a_closed_terminal_does_not_end_what_nohup_began(tmp_path: Path) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with pytest.MonkeyPatch.context() as patch:
-            at_call(patch, Trainer, "_update_generator", 7, lambda: signal.raise_signal(signal.SIGHUP))
-            assert train(RECIPE, tmp_path, quiet=True).step == 8
-    finally:
-        signal.signal(signal.SIGHUP, before)
+    with heard_by(signal.SIGHUP, signal.SIG_IGN), pytest.MonkeyPatch.context() as patch:
+        at_call(patch, Trainer, "_update_generator", 7, lambda: signal.raise_signal(signal.SIGHUP))
+        assert train(RECIPE, tmp_path, quiet=True).step == 8
 
 
 def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> None:
