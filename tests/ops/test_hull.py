@@ -9,6 +9,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from unproject._types import UserError
 from unproject.ops import visual_hull
 from unproject.ops.resampling import centres
 
@@ -98,3 +99,8 @@ def test_a_bar_off_the_axes_stays_a_bar(angle: float) -> None:
     along = (x * math.sin(angle) + z * math.cos(angle)).abs()
     bar = ((across < 0.15) & (along < 0.8) & (y.abs() < 0.5)).float()[None]
     assert visual_hull(bar).sum() < 1.5 * bar.sum()
+
+
+def test_no_view_is_refused() -> None:
+    with pytest.raises(UserError, match="views=0"):
+        visual_hull(torch.ones(1, 4, 4, 4), views=0)

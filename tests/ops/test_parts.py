@@ -161,6 +161,12 @@ def test_the_level_decides_what_a_part_is() -> None:
     assert floating_parts(x)[1].sum() == 1 and not floating_parts(x, level=0.2)[1].any()
 
 
+def test_volumes_of_bits_stay_bits() -> None:
+    x = torch.zeros(1, 8, 8, 8, dtype=torch.bool)
+    x[:, :4, :4, :4], x[:, 6, 6, 6] = True, True
+    assert largest_part(x).dtype == torch.bool and largest_part(x).sum() == 64
+
+
 def test_pictures_are_refused() -> None:
     with pytest.raises(UserError, match="holds no volumes"):
         largest_part(torch.zeros(4, 4))

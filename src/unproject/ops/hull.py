@@ -17,6 +17,7 @@ import math
 import torch
 from torch import Tensor
 
+from .._types import UserError
 from .resampling import centres
 
 
@@ -33,6 +34,9 @@ def visual_hull(volume: Tensor, views: int = 16, density: float | None = None) -
     Returns:
         (B, X, Y, Z), at least `volume` everywhere.
 
+    Raises:
+        UserError: for fewer than one view.
+
     Examples:
         >>> import torch, unproject as up
         >>> shell = torch.ones(1, 6, 6, 6)
@@ -40,6 +44,8 @@ def visual_hull(volume: Tensor, views: int = 16, density: float | None = None) -
         >>> up.ops.visual_hull(shell).min()
         tensor(1.)
     """
+    if views < 1:
+        raise UserError(f"visual_hull(views={views}): give at least 1")
     hull = torch.full_like(volume, math.inf)
     for k in range(views):
         columns = _columns(volume, math.pi * k / views)

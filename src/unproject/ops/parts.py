@@ -49,7 +49,7 @@ def largest_part(x: Tensor, level: float = 0.5) -> Tensor:
         if len(voxels) > 2:
             other = (numbers > 0) & (numbers != voxels.argmax())
             kept.copy_(torch.from_numpy(_distance((numbers > 0) & ~other) <= _distance(other)))
-    return x.where(keep, 0)
+    return x.masked_fill(~keep, 0)
 
 
 def _each(x: Tensor) -> Tensor:
