@@ -320,6 +320,18 @@ def test_a_view_is_corrected_by_dragging(tab: Tab, folder: Path) -> None:
     tab.until("1 corrected")
 
 
+def test_what_was_opened_before_an_answer_came_stays_open(tab: Tab) -> None:
+    held: list[Any] = []
+    tab.page.route("**/api/kinds*", lambda route: held.append(route))
+    tab.go("fit?run=chairs")
+    tab.page.click("summary")
+    tab.page.wait_for_selector(".check input")
+    assert len(held) == 1
+    held[0].continue_()
+    tab.page.wait_for_selector("[aria-label=search] option", state="attached")
+    assert tab.page.is_visible(".check input")
+
+
 def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path) -> None:
     picture = np.zeros((64, 64), np.uint8)
     picture[10:54, 20:44] = 255

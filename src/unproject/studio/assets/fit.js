@@ -43,7 +43,7 @@ function fits(root, query) {
     if (kinds.observations.includes("flash")) observation.value = "flash";
     search.append(...kinds.searches.map((name) => make("option", { value: name }, name)));
     own.hidden = !kinds.own;
-    options.open = Boolean(kinds.observations.length);
+    if (kinds.observations.length) options.open = true; // never closed: a reader may have opened it by now
   }).catch(say);
 
   async function give(name, content, own = {}) {
