@@ -10,12 +10,12 @@ from .._types import UserError
 from ._machine import use_threads
 from ._materials import read_maps
 
-MAX_STRIP = 1000
-
 if TYPE_CHECKING:
     from torch import Tensor
 
     from ..projections.rendering import Lighting, Rendering
+
+MAX_STRIP = 1000
 
 
 def run(
