@@ -4,8 +4,8 @@
     python benchmarks/minutes.py --data SHARED --out RESULTS --classes birds --minutes 5 10
 
 Every budget is a run of its own, from the start: rates, rounds, tries and the fall of weights follow the budget.
-Default flags, one thread, one seed after another. SHARED holds shapes3d/ and silhouettes/. An arm is a class, views, a
-budget and a seed:
+Default flags, one seed after another; minutes are CPU minutes of one thread, so that it matters little what runs
+beside. SHARED holds shapes3d/ and silhouettes/. An arm is a class, views, a budget and a seed:
 
     chairs   ModelNet's, 16 binary silhouettes of each of 200, as they are (the form "plain" of any_class.py)
              predicted   nothing is known of the views
@@ -37,7 +37,7 @@ import masks
 import numpy as np
 import torch
 from PIL import Image, ImageDraw, ImageFont
-from results import Results
+from results import Results, count_cpu_seconds
 
 import unproject as up
 
@@ -150,6 +150,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=(0,))
     given = parser.parse_args(argv)
     torch.set_num_threads(1)
+    count_cpu_seconds()
     results = Results(given.out / "results.jsonl", ("class", "views", "budget", "seed"))
     arms = [(name, v, b, s) for s in given.seeds for b in given.minutes for name in given.classes for v in VIEWS[name]]
     for name, views, budget, seed in arms:
