@@ -114,6 +114,7 @@ def shortened(command: str) -> str:
         command = re.sub(r"--n \d+", "", command) + " --n 2"
     command = command.replace("--ceiling", "").replace("--size 1024", "--size 128")
     fewer = " --maps 8 --renderings 4" if re.search("train (wood|metal|plastic|fabric) (?!--data)", command) else ""
+    fewer += " --channels 16" if re.search(r"train \w+ ", command) else ""
     more = {
         "train": f"--steps 2 --batch 4 --quiet{fewer}",
         "resume": "--steps 3 --quiet",

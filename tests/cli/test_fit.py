@@ -331,8 +331,8 @@ def test_an_npz_of_another_size_is_taken_and_lines_are_refused(shapes: Path, mas
 
 def test_a_fit_that_found_nothing_leaves_its_folder_to_others(shapes: Path, masks: Path, tmp_path: Path) -> None:
     picture, out = masks / "chair0.png", tmp_path / "f"
-    assert fit(shapes, picture, "--out", out, "--prior", "1e300") == 2
-    assert fit(shapes, picture, "--out", out) == 0
+    assert fit(shapes, picture, "--out", out, "--no-novelty", "--prior", "1e300") == 2
+    assert fit(shapes, picture, "--out", out, "--no-novelty") == 0
 
 
 @pytest.mark.parametrize(("view", "why"), [("1e300", "give degrees of"), ("30,100", "100 degrees is beyond a pole")])

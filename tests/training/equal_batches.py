@@ -1,4 +1,4 @@
-"""Train toys by batches of BATCH in each process: `torchrun ... equal_batches.py FOLDER BATCH [mutant]`.
+"""Train toys by batches of BATCH in each process: `torchrun ... equal_batches.py FOLDER BATCH [MUTANT'S FOLDER]`.
 
 `tests/test_processes.py` compares what one process with a batch of 8 and two with a batch of 4 write. The mutant draws
 in each process alone, as from a source of its own.
@@ -54,16 +54,19 @@ def alone(self: Distribution, seed: int, step: int, stream: str, rows: object = 
     return generator_at(seed, step, f"{stream}/{self.rank}")
 
 
-def main(folder: Path, batch: int, mutant: bool) -> None:
+def train_each(folder: Path, chosen: dict[str, Recipe]) -> None:
+    for name, recipe in chosen.items():
+        train(replace(recipe, origin=None, normalise_over="processes"), folder / name, device="cpu", quiet=True)
+
+
+def main(folder: Path, batch: int, mutant: Path | None) -> None:
     torch.set_num_threads(1)
     trainer.EVERY = 1
-    if mutant:
+    train_each(folder, recipes(batch))
+    if mutant is not None:
         Distribution.part = alone  # type: ignore[method-assign]
-    for name, recipe in recipes(batch).items():
-        train(replace(recipe, origin=None, normalise_over="processes"), folder / name, device="cpu", quiet=True)
-        if mutant:
-            return  # one is enough to tell
+        train_each(mutant, {"known": recipes(batch)["known"]})  # one is enough to tell
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:] == ["mutant"])
+    main(Path(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]) if sys.argv[3:] else None)

@@ -220,6 +220,23 @@ def test_rendered_images_carry_their_own_latents():
     assert torch.equal(again.items, seen.items) and set(other.items.unique().tolist()) == {0.0, 1.0}
 
 
+def test_observations_that_share_a_projection_are_projected_at_once():
+    shapes = torch.rand(6, 8, 8, 8, generator=torch.Generator().manual_seed(0))
+    together, apart = observations(0.2, 0.6, 0.9), [observations(offset)[0] for offset in (0.2, 0.6, 0.9)]
+    calls, project = [], together[0].projection
+
+    def counted(x, azimuth):
+        calls.append(len(x))
+        return project(x, azimuth)
+
+    for one in together:
+        one.projection = counted
+    seen, other = (observe(shapes, some, each=4, seed=3) for some in (together, apart))
+    assert calls == [24]
+    assert torch.equal(seen.items, other.items) and seen.latents is not None and other.latents is not None
+    assert all(torch.equal(seen.latents[name], other.latents[name]) for name in ("azimuth", "view"))
+
+
 def test_observations_that_draw_different_latents_are_refused():
     strange = SimpleNamespace(prior=SimpleNamespace(sample=lambda n, rng: {}), projection=lambda x: x.amax(3)[:, None])
     with pytest.raises(UserError, match="different latents"):
