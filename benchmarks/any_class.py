@@ -197,7 +197,7 @@ def views_quality(run: up.Run, recipe: up.Recipe, folder: Path, form: str) -> di
     assert assigned is not None
     shown = torch.tensor([int(Path(name).stem) for name in recipe.panels[0].collections[0].names])
     exact = view_accuracy(assigned, true_bins(azimuth)[shown], BINS).exact
-    return {"views": exact, "views_of_ceiling": exact / ceiling(folder, form, azimuth)}
+    return {"views_exact": exact, "views_of_ceiling": exact / ceiling(folder, form, azimuth)}
 
 
 def at_size(x: Tensor) -> Tensor:

@@ -156,7 +156,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for name, views, budget, seed in arms:
         if views in given.views and not results.has(name, views, budget, seed):
             found = ARMS[name](views, seed, budget, given.data, given.out)
-            results.add({"class": name, "views": views, "budget": budget, "seed": seed, **found})
+            about = {"class": name, "views": views, "budget": budget, "seed": seed}
+            results.add({**found, **about})
     if results.rows:
         (given.out / "minutes.md").write_text(table(results.rows) + "\n", encoding="utf-8")
         curves(qualities(results.rows)).save(given.out / "minutes.png")

@@ -121,6 +121,18 @@ def test_pictures_of_wide_objects_are_cut_and_as_high_as_others() -> None:
     assert bounding_box(y).height.item() == pytest.approx(SIDE / 2) and bounding_box(y).width.item() == SIDE
 
 
+def test_pictures_are_prepared_so_that_thin_parts_are_inside() -> None:
+    comb = torch.zeros(1, 1, 4 * SIDE, 4 * SIDE)
+    comb[..., SIDE : 2 * SIDE, SIDE : 3 * SIDE] = 1
+    comb[..., 2 * SIDE : 3 * SIDE, SIDE + 3 : 3 * SIDE : 12] = 1
+    plain, whole = (Cropped(Silhouette(size=SIDE), height=0.5, level=level).prepare(comb) for level in (0.5, 0.25))
+    legs = slice(SIDE // 2 + 2, SIDE * 3 // 4 - 2)
+    assert plain[..., legs, :].max() < 0.5 <= whole[..., legs, :].amax(-1).min()
+    assert torch.equal(whole > 0, plain > 0) and torch.equal(whole == 1, plain == 1)
+    with pytest.raises(UserError, match="level between 0 and 1"):
+        Cropped(Silhouette(size=SIDE), level=1.0)
+
+
 def chair(count: int) -> Tensor:
     """Objects that fill most of the frame, so that in perspective their near parts would lie outside."""
     return chairs(count, SIDE).float()

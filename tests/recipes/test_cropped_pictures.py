@@ -17,7 +17,7 @@ from unproject.adversarial.regularisers import Centred, Regularisers
 from unproject.assignment import JointlyPredicted
 from unproject.data import chairs
 from unproject.domains import Volumes
-from unproject.ops import bounding_box
+from unproject.ops import bounding_box, level_of_thin_parts
 from unproject.projections.cropped import Cropped
 from unproject.projections.silhouette import Silhouette
 from unproject.recipes.shapes import shapes
@@ -30,6 +30,11 @@ SILHOUETTE = Silhouette(size=16, rule="absorption", density=2.0)
 def only_projection(recipe: Recipe) -> Any:
     (panel,) = recipe.panels
     return panel.projection
+
+
+def only_panel(recipe: Recipe) -> Any:
+    (panel,) = recipe.panels
+    return panel
 
 
 def as_arrays(masks: Path) -> Path:
@@ -48,6 +53,21 @@ def test_a_folder_of_pictures_is_cropped(views: Any, known_masks: Path) -> None:
     (panel,) = made.panels
     box = bounding_box(torch.cat([part.floats() for part in panel.collections]))
     assert (box.height / 16 - look.height).abs().quantile(0.8) < 0.1
+
+
+def test_thin_parts_of_cut_outs_are_learned_in_one_piece(tmp_path: Path) -> None:
+    """Legs of two thirds of a voxel; and of two, which need no help."""
+    for name, width in (("thin", 8), ("thick", 24)):
+        (tmp_path / name).mkdir()
+        for k in range(12):
+            picture = np.zeros((192, 192), np.uint8)
+            picture[20:90, 30:160] = 255
+            for left in (36 + k, 130 - k):
+                picture[90:180, left : left + width] = 255
+            Image.fromarray(picture).save(tmp_path / name / f"{k}.png")
+    thin, thick = (only_panel(shapes(data=tmp_path / name, **SMALL)) for name in ("thin", "thick"))
+    assert thin.projection.level < 0.5 == thick.projection.level
+    assert level_of_thin_parts(thin.collections[0].floats()) == 0.5
 
 
 def test_arrays_of_pictures_of_many_sizes_are_not(masks: Path) -> None:

@@ -12,6 +12,7 @@ from .parts import floating_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
+from .thin_parts import level_of_thin_parts, lifted
 from .turning import turn_image
 
 __all__ = [
@@ -26,7 +27,9 @@ __all__ = [
     "floating_parts",
     "framed",
     "largest_part",
+    "level_of_thin_parts",
     "level_share",
+    "lifted",
     "limited",
     "orthographic_rays",
     "perspective_rays",

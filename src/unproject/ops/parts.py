@@ -98,17 +98,17 @@ def floating_parts(x: Tensor, level: float = 0.5) -> tuple[Tensor, Tensor]:
 
 def _far(occupied: np.ndarray, largest: np.ndarray) -> np.ndarray:
     """Find the parts, each grown by a voxel, that are then not connected to the largest."""
-    numbers, _ = number_parts(_grown(occupied))
+    numbers, _ = number_parts(grown(occupied))
     return (numbers > 0) & (numbers != numbers[largest][0])
 
 
 def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Find the voxels outside two masks whose distances to them sum to 3 at most."""
-    near_a, near_b = _grown(a), _grown(b)
-    return ((near_a & _grown(near_b)) | (_grown(near_a) & near_b)) & ~a & ~b
+    near_a, near_b = grown(a), grown(b)
+    return ((near_a & grown(near_b)) | (grown(near_a) & near_b)) & ~a & ~b
 
 
-def _grown(mask: np.ndarray) -> np.ndarray:
+def grown(mask: np.ndarray) -> np.ndarray:
     """Add the 26 neighbours of each voxel of a mask."""
     for axis in range(3):
         before = mask.swapaxes(0, axis)

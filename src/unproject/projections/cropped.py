@@ -16,6 +16,7 @@ from torch import Tensor
 
 from .._types import UserError
 from ..ops.framing import bounding_box, framed
+from ..ops.thin_parts import lifted
 from .base import Projection
 from .silhouette import Silhouette, Window
 from .view import View, either
@@ -37,9 +38,11 @@ class Cropped(Projection):
         silhouette: P; its `size` is that of the result.
         height: of the objects that pictures are framed to (`prepare`), as a share of the frame. Objects that are wider
             than the frame are cut at its sides: made smaller, they would not have this height.
+        level: the share of a pixel that pictures are to cover for it to be inside: `prepare` raises it to ½, so that
+            parts thinner than a pixel stay in one piece (`ops.level_of_thin_parts`). Volumes cannot be thinner.
 
     Raises:
-        UserError: for no size, a fixed pinhole, or a height that is not above 0 and at most 1.
+        UserError: for no size, a fixed pinhole, a height that is not above 0 and at most 1, or a level beyond them.
 
     Examples:
         >>> import torch, unproject as up
@@ -56,10 +59,13 @@ class Cropped(Projection):
     silhouettes: ClassVar[bool] = True
     silhouette: Silhouette
     height: float = 0.85
+    level: float = 0.5
 
     def __post_init__(self) -> None:
         if self.silhouette.size is None or not 0 < self.height <= 1:
             raise UserError(f"{self}: give the silhouette a size, and a share of the frame above 0 and at most 1")
+        if not 0 < self.level < 1:
+            raise UserError(f"{self}: give a level between 0 and 1")
         if self.silhouette.camera == "perspective":
             raise UserError(f'{self}: this pinhole is fixed; give perspective to camera="orthographic"')
 
@@ -109,5 +115,5 @@ class Cropped(Projection):
         return bounding_box(profile).height / (x.shape[2] * self.silhouette.viewport)
 
     def prepare(self, y: Tensor) -> Tensor:
-        """Return silhouettes (N, 1, H, W) framed to the common height."""
-        return framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf)
+        """Return silhouettes (N, 1, H, W) framed to the common height, with thin parts."""
+        return lifted(framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf), self.level)

@@ -21,6 +21,7 @@ from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.framing import common_fill, common_height
 from ..ops.outlines import LEVEL, level_share
+from ..ops.thin_parts import level_of_thin_parts
 from ..projections.base import Projection
 from ..projections.cropped import Cropped
 from ..projections.observation import Observation
@@ -103,8 +104,9 @@ def pictures_of(
         )
     if not by_reader and common_fill(some) is None:
         return collection, observations
-    cropped = Cropped(silhouette, common_height(some))
     larger = collection if data is None else read(data, size=2 * collection.shape[-1])
+    cropped = Cropped(silhouette, common_height(some))
+    cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some_of(larger))))
     return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands)
 
 
