@@ -76,6 +76,14 @@ def test_mistakes(argv: str, said: str) -> None:
     assert not set("│╭╰─\n") & set(message)
 
 
+@pytest.mark.parametrize(
+    ("argv", "what"), [(["a", "--out", ""], "--out"), (["a", "--out="], "--out"), ([""], "an argument")]
+)
+def test_an_empty_argument_is_not_the_current_folder(argv: list[str], what: str) -> None:
+    with pytest.raises(UserError, match=f"^sample: {what} is empty; is a variable of the shell not set"):
+        call(*argv)
+
+
 def test_help_is_the_docstring(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(HelpPrinted):
         call("--help")

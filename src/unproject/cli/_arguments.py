@@ -208,6 +208,7 @@ def _description(function: Callable[..., Any]) -> str:
 
 
 def _read(verb: str, argv: Sequence[str], options: type) -> dict[str, Any]:
+    _check_empty(verb, argv)
     said = io.StringIO()
     try:
         with redirect_stderr(said), _wide_unless_asked_for_help(argv):
@@ -234,6 +235,14 @@ def _wide_unless_asked_for_help(argv: Sequence[str]) -> Iterator[None]:
     finally:
         os.environ.pop("COLUMNS", None)
         os.environ.update({} if before is None else {"COLUMNS": before})
+
+
+def _check_empty(verb: str, argv: Sequence[str]) -> None:
+    """Refuse an empty argument: as a path it would be the current folder, and no flag means anything by it."""
+    for before, word in zip([verb, *argv], argv, strict=False):
+        if not word or word.startswith("--") and word.endswith("="):
+            what = word.removesuffix("=") or (before if before.startswith("--") else "an argument")
+            raise UserError(f"{verb}: {what} is empty; is a variable of the shell not set?")
 
 
 def _check_number(name: str, value: Any) -> None:
