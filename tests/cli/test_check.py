@@ -36,6 +36,7 @@ bins = up.Bins("azimuth", 16)
 broken = up.Observation("broken", Depth(), Broken("azimuth", 0, 1))
 def factory(): return Depth()
 number = 3
+nothing = []
 '''
 
 
@@ -80,6 +81,7 @@ def test_json(parts: str, name: str, status: int, capsys: pytest.CaptureFixture[
         ("Takes", "missing 1 required positional argument"),
         ("broken", "no dice"),
         ("deph", "Perhaps you meant 'depth'"),
+        ("nothing", "is empty: name a part"),
     ],
 )
 def test_what_cannot_be_tried_is_one_line(parts: str, name: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:

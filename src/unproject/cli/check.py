@@ -32,6 +32,8 @@ def _parts(where: str) -> list[tuple[str, Any]]:
     """Every part that is named, with the name to print."""
     found = _made(where, find_object(where))
     if isinstance(found, list | tuple):
+        if not found:
+            raise UserError(f"{where}: is empty: name a part, or a list of parts, to be tested")
         return [(getattr(part, "name", f"{where}[{i}]"), part) for i, part in enumerate(found)]
     return [(where, found)]
 

@@ -41,6 +41,15 @@ def test_binvox_round_trip_keeps_the_axes(tmp_path):
     assert np.array_equal(read(tmp_path / "a.binvox").items[0], grid)
 
 
+def test_a_shape_of_nothing_is_skipped(tmp_path):
+    write_binvox(tmp_path / "a.binvox", np.ones((4, 4, 4), bool))
+    write_binvox(tmp_path / "b.binvox", np.zeros((4, 4, 4), bool))
+    found = read(tmp_path)
+    assert found.names == ("a.binvox",) and dict(found.skipped) == {"b.binvox": "empty: no voxel is occupied"}
+    with pytest.raises(UserError, match="no voxel is occupied"):
+        read(tmp_path / "b.binvox")
+
+
 def test_a_binvox_that_is_no_cube_is_padded(tmp_path):
     write_binvox(tmp_path / "a.binvox", np.ones((4, 8, 6), bool))
     padded = read_binvox(tmp_path / "a.binvox")

@@ -201,8 +201,12 @@ def _stacked(volumes: dict[str, Tensor]) -> Tensor:
 
 def _read_file(file: Path, resolution: int | None, up_axis: UpAxis) -> Tensor:
     if file.suffix.lower() == ".binvox":
-        return resized_volumes(turned_up(read_binvox(file)[None], up_axis), resolution)[0]
-    return read_mesh(file, resolution or 32, up_axis)
+        volume = resized_volumes(turned_up(read_binvox(file)[None], up_axis), resolution)[0]
+    else:
+        volume = read_mesh(file, resolution or 32, up_axis)
+    if not bool(volume.any()):
+        raise ValueError("empty: no voxel is occupied")
+    return volume
 
 
 def read_mesh(file: Path, resolution: int = 32, up_axis: UpAxis = "y") -> Tensor:
