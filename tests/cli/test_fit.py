@@ -287,6 +287,9 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     assert entries(tmp_path / "fits")[0]["unit"] == pytest.approx(unit / 16)
     for wrong in ("0", "-1", "nan", "inf"):
         assert fit(run, scan, "--out", tmp_path / "fits", "--scale", wrong) == 2
+    for wrong in (tmp_path / "mask.png", tmp_path):
+        with pytest.raises(UserError, match="holds no lines, and this run learned from lines"):
+            observed(opened, [wrong], viewing)
 
 
 def test_candidates_that_do_not_fit_in_memory_are_refused(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> None:

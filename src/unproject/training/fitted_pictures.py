@@ -85,6 +85,8 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         found = read_photographs(files, size, name, coloured=sample.shape[1] == COLOURED)
         return Collection(projection.from_measured(found.floats()), names=found.names)
     if isinstance(inner, LineIntegral):
+        if listed or paths[0].is_dir():
+            raise UserError(f"{paths[0]}: holds no lines, and this run learned from lines; give an .npz of sinograms")
         return _observed_lines(paths[0], inner, len(viewing.priors), inner.unit if scale is None else scale)
     if not projection.silhouettes:
         if listed:
