@@ -123,4 +123,4 @@ def provenance(run: Path) -> dict[str, Any]:
 
 def seconds_of(run: Path) -> float:
     """Return the training time of a run at its newest checkpoint."""
-    return checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")["counters/seconds"].item()
+    return checkpoint.counters_of(checkpoint.newest(run / "checkpoints")).seconds

@@ -256,6 +256,6 @@ def is_finished(arm: Arm, seed: int, settings: Settings) -> bool:
     run, flags = settings.run(arm, seed), flags_of(arm, settings.budget)
     if not (run / "recipe.json").exists() or not checkpoint.list_checkpoints(run / "checkpoints"):
         return False
-    spent = checkpoint.load(checkpoint.newest(run / "checkpoints"), "counters/")
-    by_step = "steps" in flags and spent["counters/step"].item() >= flags["steps"]
-    return by_step or ("minutes" in flags and spent["counters/seconds"].item() >= 60 * flags["minutes"])
+    spent = checkpoint.counters_of(checkpoint.newest(run / "checkpoints"))
+    by_step = "steps" in flags and spent.step >= flags["steps"]
+    return by_step or ("minutes" in flags and spent.seconds >= 60 * flags["minutes"])

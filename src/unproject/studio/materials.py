@@ -16,6 +16,7 @@ from torch import Tensor
 from .. import export
 from .._types import UserError
 from ..data import procedural_probes, read_probe
+from ..data.readers.probes import SUFFIXES
 from ..domains import Maps
 from ..ops.environment import Environments
 from ..ops.maps import unpack_maps
@@ -31,7 +32,6 @@ PLACE = ("run", "pick", "other", "mix", "truncation", "slides")
 LAMPS = ("ambient", "directional", "coloured")
 FINEST = (256, 512)
 """Rows and columns of a dropped environment at most: finer ones light a material alike."""
-SUFFIXES = (".hdr", ".exr", ".npy")
 STEEPEST = 85.0
 SAMPLES = 128
 

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from .._files import atomic_path, check_encoded
 from .._types import UserError
+from .counters import COUNTERS, Counters
 
 FORMAT = "unproject-1"
 KEEP = 2
@@ -53,7 +54,15 @@ def checkpoint_of(folder: Path, step: int) -> Path:
 def has_weights_alone(folder: Path) -> bool:
     """Whether the newest checkpoint is that of a shared run, from which training cannot go on."""
     stored = list_checkpoints(folder)
-    return bool(stored) and not load(stored[-1], "counters/step")
+    return bool(stored) and not load(stored[-1], f"{COUNTERS}step")
+
+
+def counters_of(path: Path) -> Counters:
+    """The counters of a checkpoint; of a shared run, which has none, all are 0."""
+    found, tensors = Counters(), load(path, COUNTERS)
+    if tensors:
+        found.load(tensors)
+    return found
 
 
 def step_of(path: Path) -> int:
