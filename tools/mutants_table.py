@@ -3371,6 +3371,20 @@ ANY_CLASS = (
         "adversarial/test_regularisers.py::test_centred_moves_a_body_back_to_the_middle",
     ),
     mutant(
+        "observing: pictures stay in the order of their projections",
+        "data/observing.py",
+        "return torch.cat(images)[back], ",
+        "return torch.cat(images), ",
+        "data/readers/test_shapes.py::test_rendered_images_carry_their_own_latents",
+    ),
+    mutant(
+        "observing: each observation is projected by itself",
+        "data/observing.py",
+        "groups.setdefault(id(observations[k].projection), [])",
+        "groups.setdefault(k, [])",
+        "data/readers/test_shapes.py::test_observations_that_share_a_projection_are_projected_at_once",
+    ),
+    mutant(
         "thin parts: what is gone is not missed",
         "ops/thin_parts.py",
         " and not (there & ~grown(shown)).any()",
