@@ -3408,15 +3408,15 @@ ANY_CLASS = (
     mutant(
         "thin parts: they are lowered",
         "ops/thin_parts.py",
-        "(np.log(0.5) / np.log(level))",
-        "(np.log(level) / np.log(0.5))",
+        "(math.log(0.5) / math.log(level))",
+        "(math.log(level) / math.log(0.5))",
         "ops/test_thin_parts.py::test_the_level_becomes_one_half",
     ),
     mutant(
         "thin parts: pictures stay as they are",
         "projections/cropped.py",
-        "width=math.inf), self.level)",
-        "width=math.inf), 0.5)",
+        "with_level_at_half(small, self.level)",
+        "small",
         "projections/test_cropped.py::test_pictures_are_prepared_so_that_thin_parts_are_inside",
     ),
     mutant(

@@ -82,6 +82,7 @@ def test_mistakes(argv: str, said: str) -> None:
 def test_an_empty_argument_is_not_the_current_folder(argv: list[str], what: str) -> None:
     with pytest.raises(UserError, match=f"^sample: {what} is empty; is a variable of the shell not set"):
         call(*argv)
+    assert call("a", "--out=x=")[4] == Path("x=")
 
 
 def test_help_is_the_docstring(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from unproject.ops import level_of_thin_parts, lifted
+from unproject.ops import level_of_thin_parts, with_level_at_half
 
 FINE, SIDE = 320, 32
 
@@ -65,13 +65,13 @@ def test_empty_pictures_say_nothing() -> None:
 @pytest.mark.parametrize("level", [0.25, 0.3, 0.4])
 def test_the_level_becomes_one_half(level: float) -> None:
     y = torch.linspace(0, 1, 101)
-    up = lifted(y, level)
+    up = with_level_at_half(y, level)
     assert up[0] == 0 and up[-1] == 1 and (up.diff() > 0).all() and (up >= y).all()
-    assert lifted(torch.tensor(level), level) == pytest.approx(0.5)
-    assert lifted(y, 0.5) is y
+    assert with_level_at_half(torch.tensor(level), level) == pytest.approx(0.5)
+    assert with_level_at_half(y, 0.5) is y
 
 
 @pytest.mark.parametrize("width", [0.8, 0.6])
-def test_lifted_pictures_show_their_thin_parts_at_one_half(width: float) -> None:
+def test_such_pictures_show_their_thin_parts_at_one_half(width: float) -> None:
     y = stools(width)
-    assert level_of_thin_parts(lifted(y, level_of_thin_parts(y))) == 0.5
+    assert level_of_thin_parts(with_level_at_half(y, level_of_thin_parts(y))) == 0.5

@@ -240,8 +240,9 @@ def _wide_unless_asked_for_help(argv: Sequence[str]) -> Iterator[None]:
 def _check_empty(verb: str, argv: Sequence[str]) -> None:
     """Refuse an empty argument: as a path it would be the current folder, and no flag means anything by it."""
     for before, word in zip([verb, *argv], argv, strict=False):
-        if not word or word.startswith("--") and word.endswith("="):
-            what = word.removesuffix("=") or (before if before.startswith("--") else "an argument")
+        flag, equals, value = word.partition("=")
+        if not word or (flag.startswith("--") and equals and not value):
+            what = flag or (before if before.startswith("--") else "an argument")
             raise UserError(f"{verb}: {what} is empty; is a variable of the shell not set?")
 
 

@@ -12,7 +12,7 @@ from .parts import floating_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
-from .thin_parts import level_of_thin_parts, lifted
+from .thin_parts import level_of_thin_parts, with_level_at_half
 from .turning import turn_image
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "largest_part",
     "level_of_thin_parts",
     "level_share",
-    "lifted",
     "limited",
     "orthographic_rays",
     "perspective_rays",
@@ -47,4 +46,5 @@ __all__ = [
     "turn_image",
     "unit_sized",
     "visual_hull",
+    "with_level_at_half",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from torch import Tensor
 
@@ -11,6 +13,8 @@ LEVELS = (0.5, 0.45, 0.4, 0.35, 0.3, 0.25)
 FAINT = 0.1
 """The share of a pixel that is covered from which something is there to be shown."""
 SHARE = 0.95
+ROUNDING = 1e-6
+"""By so much a share that was computed may be below the true one."""
 
 
 def level_of_thin_parts(silhouettes: Tensor) -> float:
@@ -29,7 +33,7 @@ def level_of_thin_parts(silhouettes: Tensor) -> float:
         >>> up.ops.level_of_thin_parts(stool)
         0.4
     """
-    pictures = (silhouettes + 1e-6).cpu().numpy()
+    pictures = (silhouettes + ROUNDING).cpu().numpy()
     for level in LEVELS:
         if sum(_shows(picture, level) for picture in pictures) >= SHARE * len(pictures):
             return level
@@ -45,12 +49,12 @@ def _count(mask: np.ndarray) -> int:
     return len(number_parts(mask)[1]) - 1
 
 
-def lifted(silhouettes: Tensor, level: float) -> Tensor:
+def with_level_at_half(silhouettes: Tensor, level: float) -> Tensor:
     """Return y^(log ½ / log level): `level` becomes ½, 0 and 1 stay.
 
     Examples:
         >>> import torch, unproject as up
-        >>> up.ops.lifted(torch.tensor([0.0, 0.25, 1.0]), 0.25)
+        >>> up.ops.with_level_at_half(torch.tensor([0.0, 0.25, 1.0]), 0.25)
         tensor([0.0000, 0.5000, 1.0000])
     """
-    return silhouettes if level == 0.5 else silhouettes.clamp(0, 1) ** (np.log(0.5) / np.log(level))
+    return silhouettes if level == 0.5 else silhouettes.clamp(0, 1) ** (math.log(0.5) / math.log(level))

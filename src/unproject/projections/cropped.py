@@ -16,7 +16,7 @@ from torch import Tensor
 
 from .._types import UserError
 from ..ops.framing import bounding_box, framed
-from ..ops.thin_parts import lifted
+from ..ops.thin_parts import with_level_at_half
 from .base import Projection
 from .silhouette import Silhouette, Window
 from .view import View, either
@@ -42,7 +42,8 @@ class Cropped(Projection):
             parts thinner than a pixel stay in one piece (`ops.level_of_thin_parts`). Volumes cannot be thinner.
 
     Raises:
-        UserError: for no size, a fixed pinhole, a height that is not above 0 and at most 1, or a level beyond them.
+        UserError: for no size, a fixed pinhole, a height that is not above 0 and at most 1, or a level that is not
+            between them.
 
     Examples:
         >>> import torch, unproject as up
@@ -116,4 +117,5 @@ class Cropped(Projection):
 
     def prepare(self, y: Tensor) -> Tensor:
         """Return silhouettes (N, 1, H, W) framed to the common height, with thin parts."""
-        return lifted(framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf), self.level)
+        small = framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf)
+        return with_level_at_half(small, self.level)
