@@ -240,6 +240,27 @@ def test_masks_that_show_nothing_are_left_out(tmp_path: Path) -> None:
         Collection.silhouettes(tmp_path / "none.npz")
 
 
+@pytest.mark.parametrize("dtype", [bool, np.uint8, np.float32])
+def test_volumes_without_a_voxel_are_left_out(tmp_path: Path, dtype: Any) -> None:
+    volumes = np.zeros((4, 6, 6, 6), dtype)
+    volumes[[0, 2], 2:4, 2:4, 2:4] = 1
+    path = saved(tmp_path, volume=volumes, names=["a", "b", "c", "d"])
+    for found in (read(path), Collection.volumes(path, 12)):
+        assert found.names == ("a", "c") and [name for name, _ in found.skipped] == ["b", "d"]
+        assert (found.floats().flatten(1).sum(1) >= 8).all()
+    with pytest.raises(UserError, match="no volume has an occupied voxel"):
+        read(saved(tmp_path, volume=np.zeros_like(volumes)))
+
+
+@pytest.mark.parametrize("name", ["masks", "volume"])
+def test_strict_reading_of_arrays_refuses_what_is_empty(tmp_path: Path, name: str) -> None:
+    x = np.ones((3, 8, 8, 8) if name == "volume" else (3, 8, 8), bool)
+    x[1] = False
+    assert len(read(saved(tmp_path, **{name: x}))) == 2
+    with pytest.raises(UserError, match="item 1: empty: no .* leave out --strict"):
+        read(tmp_path / "x.npz", strict=True)
+
+
 @pytest.mark.parametrize("form", ["mapped", "mapped and inverted", "cut-outs", "mapped cut-outs", "framed"])
 def test_what_shows_nothing_is_left_out_however_it_is_stored(tmp_path: Path, form: str) -> None:
     masks = blocks().repeat(2, 1).repeat(2, 2)  # objects that are large enough to be framed

@@ -11,7 +11,7 @@ from torch import Tensor
 from ..._pictures import UnusablePicture
 from ..._types import UserError
 from ..sampling import spread_rows
-from .found import Found, chunks, to_bytes, to_floats, white_of
+from .found import Found, chunks, names_of, to_bytes, to_floats, white_of, without
 from .framing import AS_GIVEN, frame
 from .options import ReadOptions
 
@@ -77,7 +77,7 @@ def masks_of(path: Path, key: str, found: Found, pictures: Tensor, options: Read
             warn_of_inversion(path, key)
             pictures = white - pictures
     if framing == AS_GIVEN and channels != 3:
-        found, rows = shown_rows(path, key, found, pictures)
+        found, rows = shown_rows(path, key, found, pictures, options.strict)
         pictures = pictures if rows is None else pictures[rows]
     if framing == AS_GIVEN and channels == 1 and (options.size is None or sides == [options.size] * 2):
         return found._replace(items=pictures)
@@ -87,31 +87,19 @@ def masks_of(path: Path, key: str, found: Found, pictures: Tensor, options: Read
 
 
 def shown_rows(
-    path: Path, key: str, found: Found, pictures: Tensor, inverted: bool = False
+    path: Path, key: str, found: Found, pictures: Tensor, strict: bool, inverted: bool = False
 ) -> tuple[Found, Tensor | None]:
     """Return the rows of masks (N, 1, H, W), or of cut-outs (N, 4, H, W), that show anything; None for all.
 
     Raises:
-        UserError: if none does.
+        UserError: if none does, or one does not and `strict` is given.
     """
     white = white_of(pictures)
     parts = (to_floats(part[:, -1], white) for part in chunks(pictures))
-    rows = torch.cat([((part < 0.5) if inverted else (part > 0.5)).flatten(1).any(1) for part in parts]).nonzero()[:, 0]
-    if not len(rows):
+    shown = torch.cat([((part < 0.5) if inverted else (part > 0.5)).flatten(1).any(1) for part in parts])
+    if not bool(shown.any()):
         raise UserError(f"{path}: {key}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
-    if len(rows) == len(pictures):
-        return found, None
-    names = names_of(found, len(pictures))
-    blank = sorted({*range(len(pictures))} - {*rows.tolist()})
-    skipped = [(names[row], "empty: no pixel reaches the threshold") for row in blank]
-    latents = None if found.latents is None else {name: value[rows] for name, value in found.latents.items()}
-    kept = found._replace(names=[names[row] for row in rows.tolist()], latents=latents)
-    return kept._replace(skipped=(*found.skipped, *skipped)), rows
-
-
-def names_of(found: Found, count: int) -> list[str]:
-    """Return the names of the items of an array: its own, or their numbers."""
-    return [f"{row:05d}" for row in range(count)] if found.names is None else [*map(str, found.names)]
+    return without(found, ~shown, "empty: no pixel reaches the threshold", strict)
 
 
 def _framed(path: Path, found: Found, pictures: Tensor, options: ReadOptions) -> Found:

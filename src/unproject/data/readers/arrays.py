@@ -28,7 +28,7 @@ from ..._pictures import LONGEST
 from ..._types import UserError
 from ..lazy import Lazy
 from .array_masks import are_inverted, masks_of, refuse_colours, shown_rows, warn_of_axes, warn_of_inversion
-from .found import Found, chunks, to_bytes, to_floats, white_of
+from .found import Found, chunks, to_bytes, to_floats, white_of, without
 from .framing import AS_GIVEN, frame
 from .images import as_images
 from .latents import known_latents, latents_of
@@ -38,6 +38,8 @@ from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
+EMPTY = "empty: no voxel is occupied"
+"""Why a volume is left out."""
 BESIDE = ("names", "skipped", "reasons", "side")
 """What may stand beside them, besides known views."""
 
@@ -60,7 +62,7 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
         return lines_of(path, key, values, latents)
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
-        return found._replace(items=resized_volumes(_volumes(path, key, values), options.size))
+        return occupied(found._replace(items=_volumes(path, key, values)), options.size, options.strict)
     pictures = _channels_first(path, key, values)
     if not options.images:
         refuse_colours(path, key, pictures)
@@ -212,6 +214,20 @@ def _volumes(path: Path, key: str, values: Tensor) -> Tensor:
     return values
 
 
+def occupied(found: Found, size: int | None, strict: bool = False) -> Found:
+    """Return what was found at a size (see `resized_volumes`), without the volumes in which no voxel is occupied.
+
+    Raises:
+        UserError: if none is left, or one is left out and `strict` is given.
+    """
+    volumes = found.whole
+    empty = ~torch.cat([part.flatten(1).any(1).bool() for part in chunks(volumes)])
+    if bool(empty.all()):
+        raise UserError(f"{found.source}: no volume has an occupied voxel; volumes are 1 inside, 0 outside")
+    found, rows = without(found, empty, EMPTY, strict)
+    return found._replace(items=resized_volumes(volumes if rows is None else volumes[rows], size))
+
+
 def resized_volumes(volumes: Tensor, size: int | None) -> Tensor:
     """Volumes (N, X, X, X) at (N, size, size, size).
 
@@ -273,7 +289,7 @@ def _in_file(path: Path, key: str, found: Found, pictures: Tensor, options: Read
         warn_of_inversion(path, key)
     rows = None
     if pictures.shape[1] != 3 and pictures.nbytes < LARGEST_SEARCHED:
-        found, rows = shown_rows(path, key, found, pictures, inverted)
+        found, rows = shown_rows(path, key, found, pictures, options.strict, inverted)
     if pictures.shape[1:] == (1, size, size) and not inverted:
         return found._replace(items=Lazy(pictures, rows), white=white)
     eight_bits = not pictures.is_floating_point()

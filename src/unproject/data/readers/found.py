@@ -39,6 +39,31 @@ class Found(NamedTuple):
         return "pictures" if self.items.shape[1] <= 3 else "volumes"
 
 
+def names_of(found: Found, count: int) -> list[str]:
+    """Return the names of the items of an array: its own, or their numbers."""
+    return [f"{row:05d}" for row in range(count)] if found.names is None else [*map(str, found.names)]
+
+
+def without(found: Found, blank: Tensor, reason: str, strict: bool) -> tuple[Found, Tensor | None]:
+    """Return it with the items that are marked (N,) counted as skipped, and the rows of the others, None for all.
+
+    Its items are left to the caller, who knows whether they are in memory.
+
+    Raises:
+        UserError: if `strict`, for the first that is marked.
+    """
+    if not bool(blank.any()):
+        return found, None
+    if strict:
+        row = int(blank.nonzero()[0])
+        raise UserError(f"{found.source}, item {row}: {reason}; fix or remove it, or leave out --strict")
+    names, rows = names_of(found, len(blank)), (~blank).nonzero()[:, 0]
+    skipped = [(names[row], reason) for row in blank.nonzero()[:, 0].tolist()]
+    latents = None if found.latents is None else {name: value[rows] for name, value in found.latents.items()}
+    kept = found._replace(names=[names[row] for row in rows.tolist()], latents=latents)
+    return kept._replace(skipped=(*found.skipped, *skipped)), rows
+
+
 def chunks(items: Tensor | Lazy) -> Iterable[Tensor]:
     """The items in pieces of about `CHUNK` values, along the first axis."""
     if isinstance(items, Lazy):

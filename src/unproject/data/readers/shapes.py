@@ -19,7 +19,7 @@ from torch import Tensor
 
 from ..._files import check_regular, check_unpacked, paths_below
 from ..._types import UserError
-from .arrays import checked_values, load_arrays, read_arrays, resized_volumes
+from .arrays import EMPTY, checked_values, load_arrays, occupied, read_arrays, resized_volumes
 from .found import Found, to_floats, white_of
 from .options import ReadOptions
 from .pictures import is_hidden
@@ -52,7 +52,7 @@ def find_volumes(
     elif path.suffix.lower() in SUFFIXES:
         files = [path]
     else:
-        return _read_archive(path, selector, size, up_axis, classes, split)
+        return _read_archive(path, selector, size, up_axis, classes, split, strict)
     return _read_files(path, files, size, up_axis or "y", strict)
 
 
@@ -94,11 +94,12 @@ def _read_archive(
     up_axis: UpAxis | None,
     classes: tuple[str, ...],
     split: str | None,
+    strict: bool,
 ) -> Found:
     if not path.exists():
         raise UserError(f"{path}: there is no such file or folder; check the path")
     if not is_shape_archive(path):
-        return _read_plain(path, selector, resolution, up_axis or "y")
+        return _read_plain(path, selector, resolution, up_axis or "y", strict)
     arrays = load_arrays(path)
     if "volume" in arrays or "voxels" in arrays:
         volumes = _unpacked(path, arrays["volume" if "volume" in arrays else "voxels"], arrays["shape"])
@@ -108,12 +109,12 @@ def _read_archive(
         chosen = classes or ((wanted,) if wanted else ())
         volumes, names = _selected(path, arrays, chosen, split or part or "train")
         up, resolution = up_axis or "z", resolution or 32
-    whole = resized_volumes(turned_up(volumes, up), resolution)
-    return Found(whole, names, source=f"{path}{':' * bool(selector)}{selector}")
+    found = Found(turned_up(volumes, up), names, source=f"{path}{':' * bool(selector)}{selector}")
+    return occupied(found, resolution, strict)
 
 
-def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis) -> Found:
-    found = read_arrays(path, ReadOptions(resolution))
+def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis, strict: bool) -> Found:
+    found = read_arrays(path, ReadOptions(resolution, strict=strict))
     if selector or found.items.shape[1] != found.items.shape[-1]:
         wanted = "classes to choose from" if selector else "volumes"
         raise UserError(f"{path}: holds no {wanted}; save them as volume (N, X, Y, Z)")
@@ -205,7 +206,7 @@ def _read_file(file: Path, resolution: int | None, up_axis: UpAxis) -> Tensor:
     else:
         volume = read_mesh(file, resolution or 32, up_axis)
     if not bool(volume.any()):
-        raise ValueError("empty: no voxel is occupied")
+        raise ValueError(EMPTY)
     return volume
 
 
