@@ -214,7 +214,7 @@ def _volumes(path: Path, key: str, values: Tensor) -> Tensor:
     return values
 
 
-def occupied(found: Found, size: int | None, strict: bool = False) -> Found:
+def occupied(found: Found, size: int | None, strict: bool) -> Found:
     """Return what was found at a size (see `resized_volumes`), without the volumes in which no voxel is occupied.
 
     Raises:
