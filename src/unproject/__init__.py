@@ -59,6 +59,7 @@ _HOME = {
     "Adaptive": "unproject.adversarial.adaptive",
     "Affine": "unproject.adversarial.augmentation",
     "Shift": "unproject.adversarial.augmentation",
+    "Axisymmetric": "unproject.adversarial.axisymmetric",
     "Centred": "unproject.adversarial.regularisers",
     "Connected": "unproject.adversarial.regularisers",
     "Rectilinear": "unproject.adversarial.regularisers",
@@ -139,6 +140,7 @@ if TYPE_CHECKING:
     from .adversarial.augmentation import Augmentation as Augmentation
     from .adversarial.augmentation import Shift as Shift
     from .adversarial.augmentation import Sometimes as Sometimes
+    from .adversarial.axisymmetric import Axisymmetric as Axisymmetric
     from .adversarial.losses import Hinge as Hinge
     from .adversarial.losses import Logistic as Logistic
     from .adversarial.losses import Loss as Loss

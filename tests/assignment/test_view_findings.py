@@ -59,6 +59,31 @@ def test_a_world_more_telling_than_the_pictures_has_failed() -> None:
     assert worst(view_findings(probabilities(0.75), probabilities(0.95))) == "doubtful"
 
 
+def disc_and_wedge() -> tuple[Tensor, Tensor]:
+    """64 silhouettes that are their own mirror images, and as many that are not."""
+    row, column = torch.meshgrid(torch.arange(16), torch.arange(16), indexing="ij")
+    disc, wedge = (row - 8).square() + (column - 8).square() < 30, column <= row
+    return disc.float().expand(64, 1, 16, 16), wedge.float().expand(64, 1, 16, 16)
+
+
+def test_views_of_pictures_that_are_their_own_mirror_images_are_in_doubt() -> None:
+    disc, wedge = disc_and_wedge()
+    p = probabilities(0.95)
+    mirror, *_ = found = view_findings(p, p, disc)
+    assert mirror.word == worst(found) == "doubtful"
+    assert "round objects would explain them as well" in mirror.says and "--axisymmetric" in mirror.advice
+    assert [f.name for f in view_findings(p, p, wedge)] == ["views", "world"]
+
+
+def test_round_objects_look_alike_from_all_sides() -> None:
+    disc, wedge = disc_and_wedge()
+    p = probabilities(0.2)
+    (mirror,) = view_findings(p, p, disc)
+    assert mirror.word == "good" and "look alike from all sides" in mirror.says
+    (views,) = view_findings(p, p, wedge)
+    assert views.word == "doubtful"
+
+
 def test_shares_of_views_are_told_where_they_are_known() -> None:
     views = azimuth_bins(4, Silhouette(size=16))
     seen = observe(chairs(6, 16), views, 2)

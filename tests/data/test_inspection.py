@@ -219,6 +219,17 @@ def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(
     assert "shapes learn the elevation of cameras too, if pictures were not cropped" in kept.summary()[-1]
 
 
+def test_round_feet_are_said(tmp_path: Path) -> None:
+    rows, columns = np.mgrid[:96, :96] - 48
+    for k in range(4):
+        cup = (np.abs(columns) < 20 + k) & (rows > -30)
+        rim = 20 + 8 * np.sqrt(np.clip(1 - (columns / (20 + k)) ** 2, 0, 1))
+        Image.fromarray((255 * (cup & (rows < rim))).astype(np.uint8)).save(tmp_path / f"{k}.png")
+    found = inspect(tmp_path)
+    assert found.summary()[-1] == "  100% of pictures show a round foot: shapes prefer bodies of revolution"
+    assert found.as_dict()["round_feet"] == 1.0
+
+
 def test_what_is_not_read_of_an_npz_is_said_and_the_size_that_lines_are_learned_at(tmp_path: Path, capsys) -> None:
     path = tmp_path / "scans.npz"
     lines = np.random.default_rng(0).random((60, 64)).astype(np.float32)

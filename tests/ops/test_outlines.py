@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d, pad
 
 from unproject.data import chairs
-from unproject.ops import level_share
+from unproject.ops import level_share, mirror_iou
 from unproject.projections.silhouette import Silhouette
 
 
@@ -71,3 +71,30 @@ def test_parts_apart_are_no_slope() -> None:
 )
 def test_silhouettes_without_outlines_show_nothing(empty: Tensor) -> None:
     assert level_share(empty) == 0
+
+
+# Mirror images
+
+
+def test_a_symmetric_silhouette_is_its_own_mirror_image_wherever_it_is() -> None:
+    disc = torch.zeros(2, 1, 32, 32)
+    row, column = torch.meshgrid(torch.arange(32), torch.arange(32), indexing="ij")
+    disc[0, 0] = ((row - 9.5).square() + (column - 7.5).square() < 36).float()
+    disc[1, 0] = ((row - 20.0).square() + (column - 23.0).square() < 50).float()
+    assert mirror_iou(disc).tolist() == [1.0, 1.0]
+
+
+def test_a_wedge_shares_a_third_with_its_mirror_image() -> None:
+    row, column = torch.meshgrid(torch.arange(60), torch.arange(60), indexing="ij")
+    wedge = (column <= row).float()[None, None]
+    for same in (wedge, wedge.flip(3), wedge.flip(2), pad(wedge, (5, 0, 0, 3))):
+        assert mirror_iou(same).item() == pytest.approx(1 / 3, abs=0.02)
+    assert mirror_iou(torch.zeros(1, 1, 8, 8)).item() == 0.0
+
+
+def test_boxes_are_their_own_mirror_images_from_level_only() -> None:
+    box = torch.zeros(16, 32, 32, 32)
+    box[:, 6:26, 4:24, 11:21] = 1
+    azimuth = torch.arange(16) / 16 * 2 * math.pi + 0.1
+    level, tilted = (Silhouette(size=32)(box, azimuth=azimuth, elevation=torch.full((16,), e)) for e in (0.0, 0.5))
+    assert mirror_iou(level).median() > 0.9 > mirror_iou(tilted).median()

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from unproject._types import UserError
+from unproject.adversarial.axisymmetric import Axisymmetric
 from unproject.adversarial.losses import Hinge, Relativistic, Wasserstein
 from unproject.adversarial.penalties import R1R2, GradientPenalty
-from unproject.adversarial.regularisers import Connected, Rectilinear, Regularisers, Solid, Varied
+from unproject.adversarial.regularisers import Centred, Connected, Rectilinear, Regularisers, Solid, Varied
 from unproject.assignment import (
     Known,
     LearnedPrior,
@@ -116,6 +118,36 @@ def test_plans_are_preferred_rectangular_and_varied_where_views_do_not_tell_them
     assert made.regulariser == (Rectilinear(1.0, 0.3) if unknown else None)
     made = shapes(data=volumes, views=views, solid=0.0, rectilinear=0.0, **SMALL)
     assert made.regulariser == (Varied(0.1) if unknown else None)
+
+
+@pytest.fixture(scope="module")
+def cups(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of silhouettes of cylinders, from 20 degrees above: cut-outs, each cropped to its object."""
+    folder = tmp_path_factory.mktemp("cups")
+    x, y, z = torch.meshgrid(*[torch.arange(32) - 15.5] * 3, indexing="ij")
+    cups = torch.stack([(x.square() + z.square() < r * r) & (y.abs() < 10) for r in torch.linspace(6, 11, 12)])
+    azimuth, elevation = torch.arange(12) * 0.5, torch.full((12,), 0.35)
+    for i, picture in enumerate(Silhouette(size=64)(cups.float(), azimuth=azimuth, elevation=elevation)):
+        rows, columns = (picture[0] > 0.5).any(1).nonzero()[:, 0], (picture[0] > 0.5).any(0).nonzero()[:, 0]
+        cut = picture[0, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] > 0.5
+        Image.fromarray(cut.byte().mul(255).numpy()).save(folder / f"{i:02d}.png")
+    return folder
+
+
+def test_round_shapes_are_preferred_where_pictures_show_round_feet(cups: Path) -> None:
+    some = {"data": cups, "solid": 0.0, **SMALL}
+    made = shapes(**some)
+    assert isinstance(made.regulariser, Regularisers)
+    assert [type(term) for term in made.regulariser.terms] == [Axisymmetric, Centred]
+    assert Axisymmetric(2.0) in shapes(axisymmetric=2.0, **some).regulariser.terms  # type: ignore[union-attr]
+    refused = shapes(axisymmetric=0.0, **some).regulariser
+    assert [type(term) for term in refused.terms] == [Rectilinear, Varied, Centred]  # type: ignore[union-attr]
+
+
+def test_round_shapes_are_preferred_if_asked_and_views_are_unknown(volumes: Path) -> None:
+    some = {"data": volumes, "solid": 0.0, "axisymmetric": 2.0, **SMALL}
+    assert shapes(**some).regulariser == Axisymmetric(2.0)
+    assert shapes(views="known", **some).regulariser is None
 
 
 def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:

@@ -76,6 +76,15 @@ def test_true_shapes_are_good(run: Run, monkeypatch: pytest.MonkeyPatch) -> None
     assert words["views"] == "doubtful"
 
 
+def test_silhouettes_that_are_their_own_mirror_images_are_named(run: Run) -> None:
+    post = torch.zeros(12, 1, SIZE, SIZE)
+    post[..., 2:-2, 4:-4] = 1
+    (state,) = run.assignments()
+    assert "mirror" in {f.name for f in state.findings(post, post)}
+    corner = post.tril()
+    assert "mirror" not in {f.name for f in state.findings(corner, corner)}
+
+
 def test_known_views_are_judged_by_their_labels(tmp_path: Path) -> None:
     recipe = toy(steps=1, views="known")
     verdict = train(recipe, tmp_path, quiet=True).verdict()

@@ -2,6 +2,7 @@
 
 from .adaptive import Adaptive
 from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
+from .axisymmetric import Axisymmetric
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .matching import Matching, MatchingState
 from .penalties import R1R2, GradientPenalty, Penalty
@@ -13,6 +14,7 @@ __all__ = [
     "Affine",
     "Augmentation",
     "AugmentationState",
+    "Axisymmetric",
     "Centred",
     "Connected",
     "GradientPenalty",

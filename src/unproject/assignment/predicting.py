@@ -110,7 +110,8 @@ class PredictingState(AssignmentState):
         return found
 
     def findings(self, real: Tensor, generated: Tensor) -> list[Finding]:
-        return view_findings(self._of(real), self._of(generated))
+        silhouettes = real if self.panel.projection.silhouettes else None
+        return view_findings(self._of(real), self._of(generated), silhouettes)
 
     def view_shares(self, real: Tensor) -> Tensor | None:
         """Return the mean probability of each view, before it is balanced."""

@@ -4,6 +4,9 @@
 
 Little information in both: views were not found, or objects look alike from all sides; pictures cannot tell which. Much
 in the projections and less in pictures: generated shapes are more telling than real ones are.
+
+Bodies of revolution are their own mirror images from any side. Silhouettes that are leave open whether objects look
+alike from all sides or their views are to be found: what was learned decides, and could be otherwise.
 """
 
 from __future__ import annotations
@@ -13,11 +16,16 @@ import math
 from torch import Tensor
 
 from ..metrics import Finding, Score
+from ..ops.outlines import mirror_iou
 
 FOUND = 0.4
 """Share of log K nats that pictures hold at least, if views are found."""
 WORLD = (0.75, 0.5)
 """Levels of the information of pictures over that of projections (doubtful, failed)."""
+
+
+MIRRORED = 0.9
+"""Median IoU of silhouettes with their mirror images from which on they may be of bodies of revolution."""
 
 
 def information(p: Tensor) -> float:
@@ -44,8 +52,12 @@ def are_found(p: Tensor) -> bool:
     return information(p) >= FOUND * math.log(p.shape[1])
 
 
-def view_findings(real: Tensor, generated: Tensor) -> list[Finding]:
-    """Judge the probabilities (M, K) of real pictures and (N, K) of projections of samples."""
+def view_findings(real: Tensor, generated: Tensor, silhouettes: Tensor | None = None) -> list[Finding]:
+    """Judge the probabilities (M, K) of real pictures and (N, K) of projections of samples.
+
+    Args:
+        silhouettes: (M, 1, H, W), the real pictures if they are silhouettes.
+    """
     of_real, of_generated, most = information(real), information(generated), math.log(real.shape[1])
     how = (
         f"nats of log {real.shape[1]} = {most:.2f}, {len(real)} pictures; {of_generated:.2f} in {len(generated)} "
@@ -55,7 +67,22 @@ def view_findings(real: Tensor, generated: Tensor) -> list[Finding]:
     says = f"views are found ({of_real:.2f} of {most:.2f} nats)" if are_found(real) else lost
     advice = "train longer, try another --seed, or give known views"
     found = [Finding("views", Score(of_real, how, len(real)), FOUND * most, -math.inf, says, advice)]
-    return found + ([world_finding(of_real, of_generated, len(real))] if of_generated >= FOUND * most else [])
+    telling = of_generated >= FOUND * most
+    mirrored = None if silhouettes is None else mirror_iou(silhouettes).median().item()
+    if mirrored is not None and mirrored >= MIRRORED:
+        found = [mirror_finding(mirrored, telling, len(real))] + (found if telling else [])
+    return found + ([world_finding(of_real, of_generated, len(real))] if telling else [])
+
+
+def mirror_finding(mirrored: float, telling: bool, n: int) -> Finding:
+    """Say what silhouettes leave open that are their own mirror images; `telling`: generated shapes are not round."""
+    score = Score(mirrored, "median IoU of a silhouette with its mirror image", n)
+    if not telling:
+        says = "pictures are their own mirror images, and objects look alike from all sides"
+        return Finding("mirror", score, 0.0, -math.inf, says)
+    says = f"pictures are their own mirror images (IoU {mirrored:.2f}): round objects would explain them as well"
+    advice = "look at the shapes; if they should be round, train with --axisymmetric 3"
+    return Finding("mirror", score, MIRRORED, math.inf, says, advice)
 
 
 def world_finding(of_real: float, of_generated: float, n: int) -> Finding:

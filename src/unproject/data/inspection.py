@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 from torch import Tensor
 
 from .._types import printable
+from ..ops.feet import ROUND, round_feet
 from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
 from .measured_lines import INTENSITIES, are_intensities, center_of, scale_of
@@ -102,18 +103,30 @@ class Inspection:
         if self.unread:
             left = ", ".join(f"{printable(name)} {' x '.join(map(str, s))}" for name, s in self.unread.items())
             lines.append(f"  not read: {left}")
-        level = self.level_outlines()
-        if level is None:
+        level, feet = self.level_outlines(), self.round_feet()
+        if level is None or feet is None:
             return lines
         down = "which does not tell that cameras were level, but of cropped pictures shapes take it so"
         down = down if self.cropped else "shapes learn the elevation of cameras too, if pictures were not cropped"
         cameras = "shapes take it that cameras were level" if level > LEVEL else down
-        return [*lines, f"  {level:.0%} of straight outlines are level: {cameras}"]
+        round_ones = [f"  {feet:.0%} of pictures show a round foot: shapes prefer bodies of revolution"]
+        lines = [*lines, f"  {level:.0%} of straight outlines are level: {cameras}"]
+        return lines + (round_ones if feet > ROUND else [])
 
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""
+        found = self._silhouettes()
+        return None if found is None else round(level_share(found), 2)
+
+    def round_feet(self) -> float | None:
+        """Return `ops.round_feet` of silhouettes, None of others; shapes prefer bodies of revolution if it is high."""
+        found = self._silhouettes()
+        return None if found is None else round(round_feet(found), 2)
+
+    def _silhouettes(self) -> Tensor | None:
+        """Return at most MAX_OUTLINES silhouettes, if there are any."""
         found = self.collections.get("silhouettes")
-        return None if found is None else round(level_share(found.batch(spread_rows(len(found), MAX_OUTLINES))), 2)
+        return None if found is None else found.batch(spread_rows(len(found), MAX_OUTLINES))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the same for JSON; `shape` and `views` are those of the first collection."""
@@ -124,6 +137,7 @@ class Inspection:
             "shape": None if first is None else [len(first), *first.shape],
             "views": None if first is None or first.latents is None else list(first.latents),
             "level_outlines": self.level_outlines(),
+            "round_feet": self.round_feet(),
             "notes": [*self.notes],
             "not_read": {name: [*shape] for name, shape in self.unread.items()},
             "collections": {name: [len(found), *found.shape] for name, found in self.collections.items()},

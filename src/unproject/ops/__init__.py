@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from .feet import round_feet
 from .framing import bounding_box, common_fill, common_height, framed, unit_sized
 from .hull import visual_hull
 from .limits import limited, penalised
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
-from .outlines import level_share
+from .outlines import level_share, mirror_iou
 from .parts import floating_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
@@ -30,6 +31,7 @@ __all__ = [
     "level_of_thin_parts",
     "level_share",
     "limited",
+    "mirror_iou",
     "orthographic_rays",
     "perspective_rays",
     "pinhole_rays",
@@ -41,6 +43,7 @@ __all__ = [
     "rotate",
     "rotate_image",
     "rotate_y",
+    "round_feet",
     "sample_volume",
     "strip_integrals",
     "turn_image",

@@ -1,4 +1,4 @@
-"""Outlines of silhouettes: whether the cameras that saw them were level."""
+"""Outlines of silhouettes: whether cameras were level, and whether pictures are their own mirror images."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def level_share(silhouettes: Tensor) -> float:
         return 0.0
     level = slanted = 0
     for picture in (silhouettes[:, 0], silhouettes[:, 0].flip(1)):
-        height, covered = _upper_outline(picture)
+        height, covered = upper_outline(picture)
         rise = height.diff(dim=1).abs()
         whole = ((rise <= BREAK) & covered[:, 1:] & covered[:, :-1]).unfold(1, window - 1, 1).all(-1)
         rise = (height[:, window - 1 :] - height[:, : 1 - window]).abs()[whole]
@@ -50,7 +50,27 @@ def level_share(silhouettes: Tensor) -> float:
     return level / max(level + slanted, 1)
 
 
-def _upper_outline(picture: Tensor) -> tuple[Tensor, Tensor]:
+def mirror_iou(silhouettes: Tensor) -> Tensor:
+    """Return the IoU at 0.5 of each silhouette (N, 1, H, W) with its mirror image about the middle of its box, (N,).
+
+    Of an empty one it is 0. Bodies of revolution are their own mirror images from any side, boxes only from level.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> wedge = torch.ones(8, 8).tril()[None, None]
+        >>> up.ops.mirror_iou(torch.cat([wedge, torch.ones(1, 1, 8, 8)]))
+        tensor([0.3846, 1.0000])
+    """
+    inside = silhouettes[:, 0] > 0.5
+    width, columns = inside.shape[2], inside.any(1).int()
+    ends = columns.argmax(1) + width - 1 - columns.flip(1).argmax(1)
+    mirrored = ends[:, None] - torch.arange(width, device=inside.device)
+    within = ((mirrored >= 0) & (mirrored < width))[:, None]
+    other = inside.gather(2, mirrored.clamp(0, width - 1)[:, None].expand_as(inside)) & within
+    return (inside & other).flatten(1).sum(1) / (inside | other).flatten(1).sum(1).clamp_min(1)
+
+
+def upper_outline(picture: Tensor) -> tuple[Tensor, Tensor]:
     """Return the place of the upper edge of each column, in pixels from the top, and whether there is one; (N, W)."""
     covered = picture > 0.5
     first = covered.int().argmax(1, keepdim=True)

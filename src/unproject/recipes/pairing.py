@@ -26,6 +26,7 @@ from ..assignment import (
     JointlyPredicted,
     Known,
     LearnedPrior,
+    MeanShapeInitialiser,
     Panel,
     Predicted,
     PredictorFit,
@@ -34,7 +35,6 @@ from ..assignment import (
     by_view,
     views_of,
 )
-from ..assignment.predicted import Initialiser
 from ..data import Collection
 from ..networks import ViewPredictor
 from ..projections.base import Identity
@@ -96,11 +96,15 @@ def jointly_predicted(
     balance: float,
     information: float,
     mirrored: tuple[int, ...] | None = None,
-    initialiser: Initialiser | None = None,
+    mean_shape: bool = False,
     window: int | None = None,
 ) -> JointlyPredicted:
-    """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along."""
+    """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along.
+
+    The first are random, or those of one mean shape.
+    """
     drawn = frequent_rounds(rounds, balance, start=0.01)
+    initialiser = MeanShapeInitialiser(mirror=mirrored is not None, balance=balance) if mean_shape else None
     fit, estimator = replace(drawn.fit, mirrored=mirrored), replace(drawn.estimator, window=window)
     return JointlyPredicted(drawn.rounds, fit, estimator, initialiser, weight=information)
 

@@ -8,24 +8,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from torch import Tensor, nn
 
 from .._random import derived_seed
 from .._types import UserError
+from ..adversarial.axisymmetric import Axisymmetric
 from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid, Varied
 from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, holds_materials, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
+from ..ops.feet import ROUND, round_feet
 from ..ops.framing import common_fill, common_height
 from ..ops.outlines import LEVEL, level_share
 from ..ops.thin_parts import level_of_thin_parts
 from ..projections.base import Projection
 from ..projections.cropped import Cropped
 from ..projections.observation import Observation
-from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins
+from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation_bins, mirrored_views
 from ..training import Adam
 from ..training.memory import require_memory_to_train
 from .pairing import Views, panel_of
@@ -37,19 +39,38 @@ CHECKED = 1024
 HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
-def regulariser_of(
-    views: Views, weights: tuple[float, float, float, float], observation: Observation, bands: int
-) -> Regulariser | None:
-    """Return the preferences whose weight is not zero: for full volumes, rectangular plans, variety, one piece.
+class Weights(NamedTuple):
+    """Of the preferences for full volumes, rectangular plans, variety, one piece and bodies of revolution.
 
-    Only in silhouettes hollow volumes look full, and only of unknown views any plans may be right. Shapes that are seen
-    in cropped pictures are kept in the middle: sideways by level cameras, by others from top to bottom too.
+    `axisymmetric` None: 3 if most pictures show a round foot, else 0.
     """
-    solid, rectilinear, varied, connected = weights
+
+    solid: float
+    rectilinear: float
+    varied: float
+    connected: float
+    axisymmetric: float | None
+
+
+def regulariser_of(
+    views: Views, weights: Weights, observation: Observation, bands: int, feet: float
+) -> Regulariser | None:
+    """Return the preferences whose weight is not zero; `feet` is the share of pictures that show a round foot.
+
+    Only in silhouettes hollow volumes look full, and only of unknown views any plans may be right: rectangles that
+    differ from one another, or what is round. Shapes that are seen in cropped pictures are kept in the middle: sideways
+    by level cameras, by others from top to bottom too.
+    """
+    solid, rectilinear, varied, connected, axisymmetric = weights
     unknown = views not in ("known", "direct")
+    if axisymmetric is None:
+        axisymmetric = Axisymmetric().weight if feet > ROUND else 0.0
     terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
-    terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear and unknown else []
-    terms += [Varied(varied)] if varied and unknown else []
+    if unknown and axisymmetric:
+        terms += [Axisymmetric(axisymmetric)]
+    elif unknown:
+        terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear else []
+        terms += [Varied(varied)] if varied else []
     terms += [Connected(connected)] if connected else []
     terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(observation.projection, Cropped) else []
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
@@ -82,8 +103,8 @@ def pictures_of(
     views_per_shape: int,
     binary: bool,
     seed: int,
-) -> tuple[Collection, tuple[Observation, ...]]:
-    """Return a collection as its observations make pictures, and the observations.
+) -> tuple[Collection, tuple[Observation, ...], float]:
+    """Return a collection as its observations make pictures, the observations, and the share of round feet.
 
     The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
     and volumes stay as they are. Cropped ones are read again, twice as large, since most become smaller.
@@ -91,7 +112,7 @@ def pictures_of(
     observations = silhouette_views(silhouette, bins, bands)
     collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed)
     if collection.shape[0] != 1 or is_rendered(collection):
-        return collection, observations
+        return collection, observations, 0.0
     some = some_of(collection)
     if not bool((some > 0.5).any()):
         raise UserError(f"{collection.source}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
@@ -103,11 +124,12 @@ def pictures_of(
             stacklevel=2,
         )
     if not by_reader and common_fill(some) is None:
-        return collection, observations
+        return collection, observations, round_feet(some)
     larger = collection if data is None else read(data, size=2 * collection.shape[-1])
     cropped = Cropped(silhouette, common_height(some))
-    cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some_of(larger))))
-    return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands)
+    some = some_of(larger)
+    cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some)))
+    return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), round_feet(some)
 
 
 def some_of(collection: Collection) -> Tensor:
@@ -194,6 +216,11 @@ def mirror_of(mirror: bool, views: Views, collection: Collection) -> bool | Lite
         return mirror
     plane = plane_of_symmetry(collection)
     return "z" if plane == "z" else plane is not None
+
+
+def mirrored_by(symmetry: bool | Literal["z"], bins: int, bands: int | None) -> tuple[int, ...] | None:
+    """Return the view that the mirror image of each shows, of symmetric shapes; None of others."""
+    return mirrored_views(bins, bands or 1) if symmetry else None
 
 
 def split_panel(

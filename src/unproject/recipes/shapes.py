@@ -15,18 +15,19 @@ from ..adversarial.adaptive import Adaptive
 from ..adversarial.augmentation import Affine
 from ..adversarial.losses import Hinge, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..assignment import MeanShapeInitialiser
 from ..domains import Volumes
 from ..networks import Discriminator, VoxelGenerator
-from ..projections.silhouette import Silhouette, mirrored_views
+from ..projections.silhouette import Silhouette
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, jointly_predicted, panel_of
 from .precision import in_fast_precision
 from .shape_panels import (
+    Weights,
     discriminator_of,
     falling_adam,
     generator_of,
     mirror_of,
+    mirrored_by,
     pictures_of,
     regulariser_of,
     silhouette_views,
@@ -60,6 +61,7 @@ def shapes(
     rectilinear: float = 1.0,
     varied: float = 0.1,
     connected: float = 3.0,
+    axisymmetric: float | None = None,
     information: float = 0.0,
     rounds: int = 40,
     balance: float = 0.8,
@@ -100,6 +102,9 @@ def shapes(
             fifth of the budget. If wide and narrow pictures may be different objects or two sides of one, it
             prefers different objects.
         connected: weight of the preference for shapes in one piece.
+        axisymmetric: weight of the preference for bodies of revolution, in place of that for rectangles and for
+            different proportions, if views are not known (default: 3 if most pictures show a round foot, as
+            `ops.round_feet` tells of cameras that are not level; else 0).
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.
         rounds: how often views are predicted anew, evenly over the budget.
@@ -112,12 +117,11 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
-    options = {"batch": 48, "views_per_sample": 1 if views == "direct" else 2, **options}
     silhouette = Silhouette(size=size, rule="absorption", density=density)
-    collection, observations = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
+    collection, observations, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
+    weights = Weights(solid, rectilinear, varied, connected, axisymmetric)
     symmetry = mirror_of(mirror, views, collection)
-    first = MeanShapeInitialiser(mirror=bool(symmetry), balance=balance) if init_views else None
-    how = jointly_predicted(rounds, balance, information, mirrored_views(bins, bands or 1) if symmetry else None, first)
+    how = jointly_predicted(rounds, balance, information, mirrored_by(symmetry, bins, bands), init_views)
     panel = split_panel(views, bands, observations, collection, how, seed if augment else None, flips)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if views == "direct" else density),
@@ -126,13 +130,13 @@ def shapes(
         domain=Volumes(sized=observations[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(views, (solid, rectilinear, varied, connected), observations[0], bands or 1),
+        regulariser=regulariser_of(views, weights, observations[0], bands or 1, feet),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         steps=steps_of(size),
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,
-    ).configured(options)
+    ).configured({"batch": 48, "views_per_sample": 1 if views == "direct" else 2, **options})
 
 
 @resumable

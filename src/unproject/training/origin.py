@@ -125,7 +125,8 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
     older: dict[str, Any] = {"precision": "float32"}
     if function == "unproject.recipes.shapes:shapes":
         terms = json.dumps(resolved.get("regulariser"))
-        older |= {flag: 0.0 for flag in ("rectilinear", "varied") if flag.capitalize() not in terms}
+        flags = ("rectilinear", "varied", "axisymmetric")
+        older |= {flag: 0.0 for flag in flags if flag.capitalize() not in terms}
     return older
 
 
