@@ -3636,7 +3636,7 @@ ANY_CLASS = (
         "training/origin.py",
         """flags = ("rectilinear", "varied", "axisymmetric")""",
         """flags = ("rectilinear", "varied")""",
-        "recipes/test_precision.py",
+        "recipes/test_shapes.py",
     ),
     mutant(
         "feet: corners count as round",

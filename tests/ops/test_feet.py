@@ -31,7 +31,7 @@ BODIES = {
     "cube": (X.abs() < 12) & (Z.abs() < 12) & between(-14, 10),
     "table": ((X.abs() < 14) & (Z.abs() < 11) & between(8, 12))
     | (((X.abs() - 12).abs() < 2) & ((Z.abs() - 9).abs() < 2) & between(-18, 8)),
-    "stick": (RADIUS < 2.5) & between(-26, 26),
+    "stick": (RADIUS < 4.5) & between(-29, 29),
     "fish": (X / 24 - 0.1).square() + (Y / 8 - X.square() / 320).square() + (Z / 6).square() < TAPER,
 }  # fmt: skip
 ROUND = ("cylinder", "lamp", "cup with a handle", "ball")
@@ -72,6 +72,23 @@ def test_half_as_many_pixels_do_for_wide_feet() -> None:
 @pytest.mark.parametrize("elevation", [3, 5, 8])
 def test_a_corner_that_is_seen_from_low_is_not_round(elevation: float) -> None:
     assert all(round_feet(seen(BODIES[name], elevation)) < 0.2 for name in ("box", "cube"))
+
+
+def test_a_foot_that_is_hollow_is_not_round() -> None:
+    row, column = torch.meshgrid(torch.arange(N) - 31.5, torch.arange(N) - 31.5, indexing="ij")
+    arc = 6 * (1 - (column / 14).square()).clamp_min(0).sqrt()
+    cup, arch = ((column.abs() < 14) & (row > -24) & (row < low) for low in (20 + arc, 26 - arc))
+    assert round_feet(cup[None, None].float()) == 1.0 and round_feet(arch[None, None].float()) == 0.0
+
+
+def test_the_end_of_a_stick_tells_nothing() -> None:
+    row, column = torch.meshgrid(torch.arange(N) - 31.5, torch.arange(N) - 31.5, indexing="ij")
+    found = []
+    for half in (5, 12):
+        low = 24 + 5 * (1 - (column / half).square()).clamp_min(0).sqrt()
+        covered = (low - row + 0.5).clamp(0, 1) * (column.abs() < half) * (row > -30)
+        found.append(round_feet(covered[None, None]))
+    assert found == [0.0, 1.0]
 
 
 def test_empty_pictures_do_not_count() -> None:

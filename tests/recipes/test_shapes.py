@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.recipes import shape_panels
 from unproject.recipes.shapes import shapes as shapes_of
 from unproject.recipes.shapes import shapes_paper
-from unproject.training import Recipe
+from unproject.training import Recipe, resume, train
 from unproject.training.state import State
 
 
@@ -142,6 +143,17 @@ def test_round_shapes_are_preferred_where_pictures_show_round_feet(cups: Path) -
     assert Axisymmetric(2.0) in shapes(axisymmetric=2.0, **some).regulariser.terms  # type: ignore[union-attr]
     refused = shapes(axisymmetric=0.0, **some).regulariser
     assert [type(term) for term in refused.terms] == [Rectilinear, Varied, Centred]  # type: ignore[union-attr]
+
+
+def test_a_run_of_before_round_shapes_were_preferred_goes_on_without(cups: Path, tmp_path: Path) -> None:
+    train(
+        shapes(data=cups, size=16, axisymmetric=0.0, steps=2, batch=4, channels=8, rank=4), tmp_path / "run", quiet=True
+    )
+    file = tmp_path / "run" / "recipe.json"
+    stored = json.loads(file.read_text())
+    del stored["arguments"]["axisymmetric"]
+    file.write_text(json.dumps(stored))
+    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
 
 
 def test_round_shapes_are_preferred_if_asked_and_views_are_unknown(volumes: Path) -> None:
