@@ -39,7 +39,7 @@ class Axisymmetric:
         [0.1, 0.45]
     """
 
-    weight: float = 3.0
+    weight: float = 6.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.weight < math.inf:

@@ -81,7 +81,7 @@ def mirror_finding(mirrored: float, telling: bool, n: int) -> Finding:
         says = "pictures are their own mirror images, and objects look alike from all sides"
         return Finding("mirror", score, 0.0, -math.inf, says)
     says = f"pictures are their own mirror images (IoU {mirrored:.2f}): round objects would explain them as well"
-    advice = "look at the shapes; if they should be round, train with --axisymmetric 3"
+    advice = "look at the shapes; --axisymmetric 6, or more, prefers round ones"
     return Finding("mirror", score, MIRRORED, math.inf, says, advice)
 
 
