@@ -3683,7 +3683,7 @@ ANY_CLASS = (
     mutant(
         "view findings: mirror images are not looked at",
         "assignment/view_findings.py",
-        "MIRRORED = 0.9",
+        "MIRRORED = 0.95",
         "MIRRORED = 1.1",
         "assignment/test_view_findings.py",
     ),

@@ -24,8 +24,9 @@ WORLD = (0.75, 0.5)
 """Levels of the information of pictures over that of projections (doubtful, failed)."""
 
 
-MIRRORED = 0.9
-"""Median IoU of silhouettes with their mirror images from which on they may be of bodies of revolution."""
+MIRRORED = 0.95
+"""Median IoU of silhouettes with their mirror images from which on they may be of bodies of revolution. It is 0.99 or
+more of lamps and of tables, seen from level, 0.9 of drawers from 14 degrees above, 0.79 of cars, 0.5 of chairs."""
 
 
 def information(p: Tensor) -> float:
