@@ -19,6 +19,7 @@ A line of JSON an arm is written to RESULTS/results.jsonl and a sheet of twelve 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -273,7 +274,7 @@ def main() -> None:
     given = parser.parse_args()
     torch.set_num_threads(1)
     count_cpu_seconds()
-    flags = {name: float(value) for name, value in (flag.split("=") for flag in given.flags)}
+    flags = {name: json.loads(value) for name, value in (flag.split("=") for flag in given.flags)}
     label = "-".join(given.flags) or "default"
     results = Results(given.out / "results.jsonl", ("class", "flags", "seed"))
     for seed in given.seeds:

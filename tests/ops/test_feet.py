@@ -27,6 +27,8 @@ BODIES = {
     "lamp": ((RADIUS < 9) & between(-20, -16)) | ((RADIUS < 2) & between(-16, 8)) | ((RADIUS < 14) & between(8, 20)),
     "cup with a handle": ((RADIUS < 12) & between(-16, 14)) | ((Z.abs() < 2) & (X > 0) & (X < 18) & between(-2, 6)),
     "ball": X.square() + Y.square() + Z.square() < 17**2,
+    "ovoid": (X / 24).square() + (Y / 12).square() + (Z / 9).square() < 1,
+    "tub": ((X / 26) ** 4 + ((Y - 8) / 16) ** 4 + (Z / 10) ** 4 < 1) & (Y < 8),
     "box": (X.abs() < 14) & (Z.abs() < 9) & between(-16, 14),
     "cube": (X.abs() < 12) & (Z.abs() < 12) & between(-14, 10),
     "table": ((X.abs() < 14) & (Z.abs() < 11) & between(8, 12))
@@ -34,7 +36,7 @@ BODIES = {
     "stick": (RADIUS < 4.5) & between(-29, 29),
     "fish": (X / 24 - 0.1).square() + (Y / 8 - X.square() / 320).square() + (Z / 6).square() < TAPER,
 }  # fmt: skip
-ROUND = ("cylinder", "lamp", "cup with a handle", "ball")
+ROUND = ("cylinder", "lamp", "cup with a handle")
 
 
 def seen(body: Tensor, elevation: float, size: int = N, count: int = 24) -> Tensor:
@@ -51,13 +53,20 @@ def test_what_stands_on_a_disc_has_a_round_foot(name: str, elevation: float) -> 
     assert share > 0.7 if name in ROUND else share < 0.3
 
 
-@pytest.mark.parametrize("name", [name for name in BODIES if name != "ball"])
+@pytest.mark.parametrize("name", list(BODIES))
 def test_level_cameras_see_no_round_foot(name: str) -> None:
-    assert round_feet(seen(BODIES[name], 0)) < 0.2
+    assert round_feet(seen(BODIES[name], 0)) < 0.4
+
+
+@pytest.mark.parametrize("radius", [2, 3, 4, 5])
+def test_boxes_with_rounded_edges_have_none(radius: int) -> None:
+    beyond = torch.stack([(X.abs() - 16), (Y.abs() - 15), (Z.abs() - 12)]) + radius
+    box = beyond.clamp_min(0).square().sum(0) < radius**2
+    assert round_feet(seen(box, 0)) < 0.3
 
 
 def test_place_and_side_do_not_matter() -> None:
-    pictures = torch.cat([seen(BODIES["cylinder"], 15), seen(BODIES["box"], 15)])
+    pictures = torch.cat([seen(BODIES["cylinder"], 22), seen(BODIES["box"], 22)])
     share = round_feet(pictures)
     assert 0.4 < share < 0.6
     for same in (pictures.flip(3), pictures.flip(0), pad(pictures, (4, 9, 1, 6)), pictures.repeat(2, 1, 1, 1)):

@@ -70,17 +70,14 @@ def view_findings(real: Tensor, generated: Tensor, silhouettes: Tensor | None = 
     found = [Finding("views", Score(of_real, how, len(real)), FOUND * most, -math.inf, says, advice)]
     telling = of_generated >= FOUND * most
     mirrored = None if silhouettes is None else mirror_iou(silhouettes).median().item()
-    if mirrored is not None and mirrored >= MIRRORED:
-        found = [mirror_finding(mirrored, telling, len(real))] + (found if telling else [])
+    if mirrored is not None and mirrored >= MIRRORED and telling:
+        found = [mirror_finding(mirrored, len(real)), *found]
     return found + ([world_finding(of_real, of_generated, len(real))] if telling else [])
 
 
-def mirror_finding(mirrored: float, telling: bool, n: int) -> Finding:
-    """Say what silhouettes leave open that are their own mirror images; `telling`: generated shapes are not round."""
+def mirror_finding(mirrored: float, n: int) -> Finding:
+    """Say what silhouettes leave open that are their own mirror images, where views of generated shapes can be told."""
     score = Score(mirrored, "median IoU of a silhouette with its mirror image", n)
-    if not telling:
-        says = "pictures are their own mirror images, and objects look alike from all sides"
-        return Finding("mirror", score, 0.0, -math.inf, says)
     says = f"pictures are their own mirror images (IoU {mirrored:.2f}): round objects would explain them as well"
     advice = "look at the shapes; --axisymmetric 6, or more, prefers round ones"
     return Finding("mirror", score, MIRRORED, math.inf, says, advice)

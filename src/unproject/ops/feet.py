@@ -9,14 +9,15 @@ from .outlines import upper_outline
 
 ROUND = 0.5
 """The share of round feet from which on objects count as round. It is 0.85 or more of mugs and lamps seen from 14
-degrees above, 0.11 or less of drawers, beds, chairs, tables, cars and birds, from there or from level (64 pixels)."""
+degrees above, 0.05 or less of drawers, beds, chairs, tables, cars and birds, from there or from level (64 pixels)."""
 DEPTH, NARROW = 0.15, 0.2
 """How far above its lowest place a foot reaches, of the object's height; and its least width, of the longer side."""
 FLAT, MISFIT = 1.5, 0.35
-"""The rise of a flat foot at most, pixels, and the deviation from an ellipse, of that from a line."""
+"""The rise of a flat foot at most, pixels, and the deviation from an ellipse, as a share of the standard one."""
 WALL = 0.05
 """Beyond a foot's ends the outline rises by half as much again as a foot does within so much of the object's height."""
-SYMMETRIC = 0.95
+BENDS, TOLERANCE = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8), 1.2
+"""Where the ends of flat feet with rounded edges begin to bend, and how much worse than those a round one may fit."""
 
 
 def round_feet(silhouettes: Tensor) -> float:
@@ -25,9 +26,10 @@ def round_feet(silhouettes: Tensor) -> float:
     A camera at elevation e sees the rim of a disc that stands on the ground as an ellipse, sin(e) times as high as
     wide, of a box a corner, and of legs several. The foot is the lower outline around its lowest place as far as it is
     within 0.15 of the object's height. It is round if it fits b (1 - √(1 - u²)), u from -1 to 1 along it, b > 0, with
-    less than 0.35 of its deviation left, and if the outline then goes up steeply, as the wall of a cylinder does; a
-    belly does not, and counts only if the whole picture is its own mirror image (IoU above 0.95). Flat feet, as from
-    level cameras, and those narrower than 0.2 of the object tell nothing.
+    less than 0.35 of its standard deviation left, or than half a pixel; better than a corner at any place does; hardly
+    worse than a level line with rounded ends, as of boxes with rounded edges from level; and if the outline beyond goes
+    up steeply, as the wall of a cylinder does and a belly does not. Feet that rise by less than 1.5 pixels, and those
+    narrower than 0.2 of the object, tell nothing.
 
     Args:
         silhouettes: values from 0 to 1; a column is covered from where it exceeds 0.5.
@@ -42,6 +44,7 @@ def round_feet(silhouettes: Tensor) -> float:
         >>> up.ops.round_feet(cup), up.ops.round_feet(box)
         (1.0, 0.0)
     """
+    silhouettes = silhouettes.detach().float()
     lower, covered = (part.cpu().numpy() for part in upper_outline(silhouettes[:, 0].flip(1)))
     pictures = (silhouettes[:, 0] > 0.5).cpu().numpy()
     seen = [_has_round_foot(*some) for some in zip(pictures, lower, covered, strict=True) if some[0].any()]
@@ -57,8 +60,7 @@ def _has_round_foot(picture: np.ndarray, lower: np.ndarray, covered: np.ndarray)
     foot = rise[start:end]
     if len(foot) < NARROW * max(box.shape) or foot.max() < FLAT or not _is_half_ellipse(foot):
         return False
-    mirrored = box[:, ::-1]
-    return _ends_at_walls(rise, start, end, tall) or (box & mirrored).sum() > SYMMETRIC * (box | mirrored).sum()
+    return _ends_at_walls(rise, start, end, tall)
 
 
 def _run(near: np.ndarray, lowest: np.ndarray) -> tuple[int, int]:
@@ -69,12 +71,15 @@ def _run(near: np.ndarray, lowest: np.ndarray) -> tuple[int, int]:
 
 
 def _is_half_ellipse(foot: np.ndarray) -> bool:
-    """Whether it fits an ellipse, and better than any corner does."""
+    """Whether it fits an ellipse, better than any corner does, and about as well as flat feet with rounded ends."""
     along = (2 * np.arange(len(foot)) + 1) / len(foot) - 1
     rim, level = 1 - np.sqrt(1 - along**2), np.ones(len(foot))
     bend, left = _fitted(foot, rim, level)
     corners = [_fitted(foot, np.maximum(along - place, 0), along, level)[1] for place in along[1:-1]]
-    return bend > 0 and left < max(MISFIT * foot.std(), 0.5) and left < min(corners)
+    bent = [np.maximum(np.abs(along) - start, 0) / (1 - start) for start in BENDS]
+    rounded = [_fitted(foot, 1 - np.sqrt(1 - part**2), level)[1] for part in bent]
+    fits = left < max(MISFIT * foot.std(), 0.5) and left < min(corners) and left < TOLERANCE * min(rounded)
+    return bool(bend > 0 and fits)
 
 
 def _fitted(values: np.ndarray, *basis: np.ndarray) -> tuple[float, float]:

@@ -36,6 +36,8 @@ PROCEDURAL_CHAIRS = 1000
 BANDS = 12
 CHECKED = 1024
 """Pictures that are looked at to tell whether and how they were cropped, and whether cameras were level."""
+FEET = 256
+"""Pictures of which the feet are looked at."""
 HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
@@ -124,12 +126,13 @@ def pictures_of(
             stacklevel=2,
         )
     if not by_reader and common_fill(some) is None:
-        return collection, observations, round_feet(some)
+        return collection, observations, round_feet(some[spread_rows(len(some), FEET)])
     larger = collection if data is None else read(data, size=2 * collection.shape[-1])
     cropped = Cropped(silhouette, common_height(some))
     some = some_of(larger)
     cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some)))
-    return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), round_feet(some)
+    feet = round_feet(some[spread_rows(len(some), FEET)])
+    return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), feet
 
 
 def some_of(collection: Collection) -> Tensor:

@@ -103,8 +103,8 @@ def shapes(
             prefers different objects.
         connected: weight of the preference for shapes in one piece.
         axisymmetric: weight of the preference for bodies of revolution, in place of that for rectangles and for
-            different proportions, if views are not known (default: 6 if most pictures show a round foot, as
-            `ops.round_feet` tells of cameras that are not level; else 0).
+            different proportions, if views are not known (default: 6 if most pictures of a folder or an
+            array show a round foot, as `ops.round_feet` tells of cameras above the horizon; else 0).
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.
         rounds: how often views are predicted anew, evenly over the budget.
