@@ -68,7 +68,7 @@ def test_descent_makes_an_ellipse_round_and_keeps_the_volume() -> None:
     area = logits.sigmoid().sum().item()
     adam = torch.optim.Adam([logits], 0.05)
     before = cost(logits.detach().sigmoid()[None, :, None].expand(1, N, 2, N))
-    for _ in range(300):
+    for _ in range(150):
         x = logits.sigmoid()[None, :, None].expand(1, N, 2, N)
         loss = Axisymmetric(10.0)(x, 0.0) + (logits.sigmoid().sum() / area - 1).square()
         adam.zero_grad()
