@@ -3641,7 +3641,7 @@ ANY_CLASS = (
     mutant(
         "feet: corners count as round",
         "ops/feet.py",
-        " and left < min(corners)",
+        " and left < _left(foot, corners)",
         " and True",
         "ops/test_feet.py::test_a_corner_that_is_seen_from_low_is_not_round",
     ),
