@@ -226,7 +226,9 @@ def test_round_feet_are_said(tmp_path: Path) -> None:
         rim = 20 + 8 * np.sqrt(np.clip(1 - (columns / (20 + k)) ** 2, 0, 1))
         Image.fromarray((255 * (cup & (rows < rim))).astype(np.uint8)).save(tmp_path / f"{k}.png")
     found = inspect(tmp_path)
-    assert found.summary()[-1] == "  100% of pictures show a round foot: shapes prefer bodies of revolution"
+    assert found.summary()[-1] == (
+        "  100% of pictures show a round foot: of unknown views shapes prefer bodies of revolution"
+    )
     assert found.as_dict()["round_feet"] == 1.0
 
 

@@ -103,15 +103,17 @@ class Inspection:
         if self.unread:
             left = ", ".join(f"{printable(name)} {' x '.join(map(str, s))}" for name, s in self.unread.items())
             lines.append(f"  not read: {left}")
-        level, feet = self.level_outlines(), self.round_feet()
-        if level is None or feet is None:
-            return lines
+        found = self._silhouettes()
+        return lines if found is None else [*lines, *self._outlines(found)]
+
+    def _outlines(self, silhouettes: Tensor) -> list[str]:
+        """Return a line of text on cameras, and one on round feet if most pictures show one."""
+        level, feet = level_share(silhouettes), round_feet(silhouettes)
         down = "which does not tell that cameras were level, but of cropped pictures shapes take it so"
         down = down if self.cropped else "shapes learn the elevation of cameras too, if pictures were not cropped"
         cameras = "shapes take it that cameras were level" if level > LEVEL else down
-        round_ones = [f"  {feet:.0%} of pictures show a round foot: shapes prefer bodies of revolution"]
-        lines = [*lines, f"  {level:.0%} of straight outlines are level: {cameras}"]
-        return lines + (round_ones if feet > ROUND else [])
+        round_ones = f"  {feet:.0%} of pictures show a round foot: of unknown views shapes prefer bodies of revolution"
+        return [f"  {level:.0%} of straight outlines are level: {cameras}", *([round_ones] if feet > ROUND else [])]
 
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""

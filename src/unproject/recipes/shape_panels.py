@@ -44,7 +44,7 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 class Weights(NamedTuple):
     """Of the preferences for full volumes, rectangular plans, variety, one piece and bodies of revolution.
 
-    `axisymmetric` None: 6 if most pictures show a round foot, else 0.
+    `axisymmetric` None: that of `Axisymmetric` if most pictures show a round foot, else 0.
     """
 
     solid: float
