@@ -80,6 +80,8 @@ def test_clusters_are_heads() -> None:
         ({"clusters": 0}, "clusters=0"),
         ({"window": 0}, "window=0"),
         ({"balance": 1.5}, "balance=1.5"),
+        ({"anywhere": 0.0}, "anywhere=0.0"),
+        ({"anywhere": 1.0}, "anywhere=1.0"),
     ],
     ids=str,
 )

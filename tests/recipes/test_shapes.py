@@ -156,6 +156,17 @@ def test_a_run_of_before_round_shapes_were_preferred_goes_on_without(cups: Path,
     assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
 
 
+def test_a_run_of_before_samples_were_seen_from_anywhere_goes_on_without(volumes: Path, tmp_path: Path) -> None:
+    small = {"size": 16, "batch": 4, "channels": 8, "rank": 4}
+    train(shapes(data=volumes, anywhere=0.0, steps=2, **small), tmp_path / "run", quiet=True)  # type: ignore[arg-type]
+    file = tmp_path / "run" / "recipe.json"
+    stored = json.loads(file.read_text())
+    assert '"anywhere"' not in json.dumps(stored["resolved"])
+    del stored["arguments"]["anywhere"]
+    file.write_text(json.dumps(stored))
+    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
+
+
 def test_round_shapes_are_preferred_if_asked_and_views_are_unknown(volumes: Path) -> None:
     some = {"data": volumes, "solid": 0.0, "axisymmetric": 2.0, **SMALL}
     assert shapes(**some).regulariser == Axisymmetric(2.0)
@@ -170,9 +181,14 @@ def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:
     assert shapes(data=volumes, connected=0.5, views="direct", **SMALL).regulariser == Connected(0.5)
 
 
-@pytest.mark.parametrize("views, heads", [("predicted", 16), ("single", 1), ("direct", 1)])
-def test_one_head_an_observation(views: Any, heads: int, volumes: Path) -> None:
-    state = State(shapes(data=volumes, views=views, **SMALL), torch.device("cpu"))
+@pytest.mark.parametrize(
+    "views, anywhere, heads",
+    [("predicted", 0.25, 17), ("predicted", 0.0, 16), ("single", 0.25, 1), ("direct", 0.25, 1)],
+)
+def test_one_head_an_observation_and_one_for_samples_from_anywhere(
+    views: Any, anywhere: float, heads: int, volumes: Path
+) -> None:
+    state = State(shapes(data=volumes, views=views, anywhere=anywhere, **SMALL), torch.device("cpu"))
     (panel,) = state.panels
     assert len(panel.discriminator.last.weight) == heads  # type: ignore[union-attr,arg-type]
     rows = torch.arange(3)

@@ -123,7 +123,7 @@ class JointlyPredictedState(PredictedState):
     def loss(self, fake: Tensor, rows: Tensor, progress: float) -> Tensor:
         """Return the cross entropy; its gradient reaches the generator times w, the predictor whole."""
         self.trained.train()
-        w, views = self.generator_weight(progress), self.views[rows].long().to(fake.device)
+        w, views = self.generator_weight(progress), self._views_of_samples(rows).to(fake.device)
         images, views = self.settings.fit.half_mirrored(fake.detach() + w * (fake - fake.detach()), views)
         loss = F.cross_entropy(self.trained(self.settings.fit.prepared(images)), views)
         self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)

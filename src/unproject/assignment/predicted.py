@@ -89,7 +89,7 @@ class Predicted(Assignment):
     initialiser: Initialiser | None = None
 
     def heads(self, panel: Panel) -> int:
-        return self.estimator.clusters or len(panel.observations)
+        return self.estimator.heads(len(panel.observations))
 
     def begin(self, panel: Panel, seed: int) -> PredictedState:
         return PredictedState(panel, *views_at_start(panel, seed, "Predicted"), self, seed)

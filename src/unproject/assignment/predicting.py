@@ -10,7 +10,7 @@ from typing import Protocol
 import torch
 from torch import Tensor, nn
 
-from .._random import generator_at
+from .._random import generator_at, rows_of_all
 from ..data import Collection
 from ..data.sampling import spread_rows
 from ..metrics import Finding, Score
@@ -39,15 +39,28 @@ class PredictingState(AssignmentState):
 
     Attributes:
         predictor: image → logits of the views.
+        sampled: (N,) the view that samples paired with an image are projected in, if `Estimator.anywhere` is given:
+            that of the image, or any.
         coverage: the images that it has predicted, if there are more than `WHOLE`.
     """
 
     predictor: nn.Module
+    sampled: Tensor
 
     def __init__(self, panel: Panel, views: Tensor, heads: Tensor, settings: PredictingSettings) -> None:
         super().__init__(panel, views, heads)
         self.settings = settings
         self.coverage = Coverage() if len(panel) > WHOLE else None
+        if settings.estimator.anywhere is not None:
+            self._counts["sampled"] = self._counts["views"]
+            self.register_buffer("sampled", self.views.clone())
+
+    def project(self, x: Tensor, rows: Tensor, rng: torch.Generator) -> Tensor:
+        return self.observe(x, self._views_of_samples(rows_of_all(rng, rows)), rng)
+
+    def _views_of_samples(self, rows: Tensor) -> Tensor:
+        """Return the views that samples are projected in that are paired with the images of `rows`."""
+        return (self.views if self.settings.estimator.anywhere is None else self.sampled)[rows].long()
 
     def _predicted(self, run: Context, rows: Tensor | None) -> Tensor:
         """Return the probabilities of these rows, then of those held out: of many, each process predicts a part."""
@@ -66,6 +79,16 @@ class PredictingState(AssignmentState):
             own.copy_(found if rows is None else spread_over(found, rows, len(self.panel), rng))
         if self.panel.held_out is not None:
             self.held_out_heads.copy_(heads[count:])
+        if self.settings.estimator.anywhere is not None:
+            self._look_anywhere(self.settings.estimator.anywhere, generator_at(seed, 0, "anywhere"))
+
+    def _look_anywhere(self, share: float, rng: torch.Generator) -> None:
+        """Choose a share of the images whose samples are projected in any view, for the last head."""
+        count = len(self.panel.observations)
+        chosen = torch.rand(len(self.panel), generator=rng) < share
+        views = torch.randint(count, (len(self.panel),), generator=rng, dtype=self.views.dtype)
+        self.sampled.copy_(torch.where(chosen, views, self.views))
+        self.heads.masked_fill_(chosen, self.settings.estimator.heads(count) - 1)
 
     def _held_out(self) -> list[Collection]:
         """Return the images that are held out, if there are any: their views are predicted too."""

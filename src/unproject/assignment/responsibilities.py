@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -25,6 +25,10 @@ class Estimator:
         window: the observations go around in order, and the images were made by this many neighbouring ones, unknown
             which: only the window with the largest likelihood is used (default: no window).
         clusters: discriminator heads, from k-means of the responsibilities (default: one head a view).
+        anywhere: share of the images, others each round, whose samples are projected in a view drawn uniformly; one
+            more head judges them (default: none). Views that few images have are seldom shown to the other heads,
+            and shapes may become anything there, such as boards that are right from one side. This head asks that
+            they look like some image from any side.
 
     Examples:
         >>> import torch, unproject as up
@@ -40,15 +44,22 @@ class Estimator:
     balance: float = 0.0
     window: int | None = None
     clusters: int | None = None
+    anywhere: float | None = field(default=None, metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
         if self.draw not in ("argmax", "posterior"):
             raise UserError(f"Estimator(draw={self.draw!r}): choose argmax or posterior")
         if not 0 <= self.balance <= 1:
             raise UserError(f"Estimator(balance={self.balance}): give 0 to 1")
+        if not (self.anywhere is None or 0 < self.anywhere < 1):
+            raise UserError(f"Estimator(anywhere={self.anywhere}): give more than 0 and less than 1, or None")
         for name in ("window", "clusters"):
             if (value := getattr(self, name)) is not None and value < 1:
                 raise UserError(f"Estimator({name}={value}): give at least 1, or None")
+
+    def heads(self, views: int) -> int:
+        """Return how many heads a discriminator of images of so many views has."""
+        return (self.clusters or views) + (self.anywhere is not None)
 
     def responsibilities(self, probabilities: Tensor) -> Tensor:
         """Return (N, K) probabilities within the likeliest window, balanced."""

@@ -98,6 +98,7 @@ def jointly_predicted(
     mirrored: tuple[int, ...] | None = None,
     mean_shape: bool = False,
     window: int | None = None,
+    anywhere: float = 0.0,
 ) -> JointlyPredicted:
     """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along.
 
@@ -105,7 +106,8 @@ def jointly_predicted(
     """
     drawn = frequent_rounds(rounds, balance, start=0.01)
     initialiser = MeanShapeInitialiser(mirror=mirrored is not None, balance=balance) if mean_shape else None
-    fit, estimator = replace(drawn.fit, mirrored=mirrored), replace(drawn.estimator, window=window)
+    fit = replace(drawn.fit, mirrored=mirrored)
+    estimator = replace(drawn.estimator, window=window, anywhere=anywhere or None)
     return JointlyPredicted(drawn.rounds, fit, estimator, initialiser, weight=information)
 
 

@@ -65,6 +65,7 @@ def shapes(
     information: float = 0.0,
     rounds: int = 40,
     balance: float = 0.8,
+    anywhere: float = 0.25,
     init_views: bool = False,
     tries: int = 3,
     mirror: bool = True,
@@ -110,6 +111,8 @@ def shapes(
         rounds: how often views are predicted anew, evenly over the budget.
         balance: how far the distribution of predicted views is moved to the uniform one, 0 to 1, while pictures hold no
             information of their views; the more they hold, the less, down to a quarter of it.
+        anywhere: share of the pictures, others each round, that are compared with samples seen from anywhere, views
+            evenly, so that shapes look like some picture also from sides that few pictures show.
         init_views: initialise predicted views by those of one mean shape, fitted to all silhouettes, instead of random
             ones, as some arms of the figures do (docs/reproduction.md).
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
@@ -121,7 +124,9 @@ def shapes(
     collection, observations, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     weights = Weights(solid, rectilinear, varied, connected, axisymmetric)
     symmetry = mirror_of(mirror, views, collection)
-    how = jointly_predicted(rounds, balance, information, mirrored_by(symmetry, bins, bands), init_views)
+    how = jointly_predicted(
+        rounds, balance, information, mirrored_by(symmetry, bins, bands), init_views, anywhere=anywhere
+    )
     panel = split_panel(views, bands, observations, collection, how, seed if augment else None, flips)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if views == "direct" else density),
