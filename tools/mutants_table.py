@@ -3345,8 +3345,8 @@ ANY_CLASS = (
     mutant(
         "shapes: those of cropped pictures may be anywhere",
         "recipes/shape_panels.py",
-        'if bands == 1 else "xyz")] if isinstance(observation.projection, Cropped)',
-        'if bands == 1 else "xyz")] if observation is None',
+        "if isinstance(observations[0].projection, Cropped):\n        terms",
+        "if not observations:\n        terms",
         "recipes/test_cropped_pictures.py::test_shapes_are_kept_in_the_middle_if_pictures_were_cropped",
     ),
     mutant(

@@ -54,8 +54,8 @@ class Weights(NamedTuple):
     axisymmetric: float | None
 
 
-def regulariser_of(
-    views: Views, weights: Weights, observation: Observation, bands: int, feet: float
+def preferences(
+    views: Views, weights: Weights, observations: Sequence[Observation], bands: int | None, feet: float
 ) -> Regulariser | None:
     """Return the preferences whose weight is not zero; `feet` is the share of pictures that show a round foot.
 
@@ -74,7 +74,8 @@ def regulariser_of(
         terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear else []
         terms += [Varied(varied)] if varied else []
     terms += [Connected(connected)] if connected else []
-    terms += [Centred(axes="xz" if bands == 1 else "xyz")] if isinstance(observation.projection, Cropped) else []
+    if isinstance(observations[0].projection, Cropped):
+        terms += [Centred(axes="xz" if bands in (None, 1) else "xyz")]
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 

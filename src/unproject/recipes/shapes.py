@@ -29,7 +29,7 @@ from .shape_panels import (
     mirror_of,
     mirrored_by,
     pictures_of,
-    regulariser_of,
+    preferences,
     silhouette_views,
     silhouettes_of,
     split_panel,
@@ -121,21 +121,18 @@ def shapes(
         options: fields of `Recipe`.
     """
     silhouette = Silhouette(size=size, rule="absorption", density=density)
-    collection, observations, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
-    weights = Weights(solid, rectilinear, varied, connected, axisymmetric)
-    symmetry = mirror_of(mirror, views, collection)
-    how = jointly_predicted(
-        rounds, balance, information, mirrored_by(symmetry, bins, bands), init_views, anywhere=anywhere
-    )
-    panel = split_panel(views, bands, observations, collection, how, seed if augment else None, flips)
+    collection, seen, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
+    plane = mirror_of(mirror, views, collection)
+    how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, None, anywhere)
+    panel = split_panel(views, bands, seen, collection, how, seed if augment else None, flips)
     return Recipe(
-        generator=generator_of(panel.shape[-1], channels, rank, symmetry, hull=False if views == "direct" else density),
+        generator=generator_of(panel.shape[-1], channels, rank, plane, hull=False if views == "direct" else density),
         discriminator=discriminator_of(views == "direct"),
         panels=[panel],
-        domain=Volumes(sized=observations[0].projection == silhouette),
+        domain=Volumes(sized=seen[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=regulariser_of(views, weights, observations[0], bands or 1, feet),
+        regulariser=preferences(views, Weights(solid, rectilinear, varied, connected, axisymmetric), seen, bands, feet),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         steps=steps_of(size),
