@@ -36,9 +36,10 @@ format: install
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# One thread a worker: two workers on two cores, and numbers that do not depend on the thread count.
+# One thread a worker: two workers on two cores, and numbers that do not depend on the thread count. Bytecode is kept even
+# where the environment says not to: a hundred processes that tests start would each compile the package anew.
 pytest: install tests/gltf/node_modules
-	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
 
 # The Khronos glTF validator, an outside oracle; without npm or a network its tests are skipped.
 tests/gltf/node_modules: $(wildcard tests/gltf/package-lock.json)

@@ -3,6 +3,7 @@ order and process it runs, so that what fails once fails always."""
 
 from __future__ import annotations
 
+import gc
 import random
 from collections.abc import Generator, Iterator
 
@@ -13,6 +14,7 @@ from hypothesis import settings
 
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+gc.disable()  # while thousands of tests are collected, nothing of which is garbage
 
 
 ESTIMATED = {"test_chain.py", "test_results.py", "test_trust.py"}
@@ -26,6 +28,13 @@ def few_estimates(request: pytest.FixtureRequest) -> Iterator[None]:
         if request.path.name not in ESTIMATED:
             patch.setattr("unproject.cli.train._estimate", lambda recipe, device: None)
         yield
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """What is there by now stays, and is not looked through again and again."""
+    gc.freeze()
+    gc.enable()
 
 
 def seed_all() -> None:

@@ -8,6 +8,7 @@ Nothing here imports torch before a verb needs it.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import time
@@ -51,6 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # names of files may be no text
         stop_with_parent()
+        gc.disable()  # while torch and the package are imported: a sixth of that time would go into finding no garbage
         with held():
             return _run(sys.argv[1:])
     except KeyboardInterrupt:
@@ -85,6 +87,9 @@ def _run(argv: list[str]) -> int:
         print(f"unproject {__version__}")
         return 0
     call = _parsed(argv[0], argv[1:])
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
     return 0 if call is None else (call() or 0)
 
 
