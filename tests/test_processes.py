@@ -8,7 +8,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +26,26 @@ ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
 TOY = f"{HERE / 'toy.py'}:toy"
 
 
-def torchrun(*argv: str | Path) -> subprocess.CompletedProcess[str]:
-    agent = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    return run([*agent, *map(str, argv)])
-
-
 def run(command: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=200, check=False)
 
 
-def unproject(*argv: str | Path) -> subprocess.CompletedProcess[str]:
-    return run([sys.executable, "-m", "unproject", *map(str, argv)])
+def script(name: str, folder: Path) -> None:
+    done = run([sys.executable, str(HERE / name), str(folder)])
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture
+def agent(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What `--processes` starts them with runs in this process, which has torch already."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
+    handlers = {
+        number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    }
+    yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 def lines(out: Path) -> list[dict[str, Any]]:
@@ -46,25 +57,25 @@ def steps(out: Path) -> list[int]:
 
 
 @pytest.mark.slow
-def test_the_command_trains_in_two_processes_and_goes_on_in_three(tmp_path: Path) -> None:
+def test_the_command_trains_in_two_processes_and_goes_on_in_three(
+    tmp_path: Path, agent: None, capfd: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "run"
-    done = unproject("train", TOY, "--steps", "4", "--quiet", "--out", out, "--processes=2")
-    assert done.returncode == 0, done.stderr
-    assert load(out).step == 4
+    assert main(["train", TOY, "--steps", "4", "--quiet", "--out", str(out), "--processes=2"]) == 0
+    assert load(out, trust=True).step == 4
     assert len(checkpoint.list_checkpoints(out / "checkpoints")) == 1 and len(list((out / "samples").iterdir())) == 1
     assert steps(out) == [1, 2, 3]  # three rounds of assignment, each written once
     assert sorted(path.name for path in out.iterdir()) == [
         "checkpoints", "environment.json", "recipe.json", "report.html", "samples", "stats.jsonl", "verdict.json"
     ]  # fmt: skip
-    assert done.stdout.count("4 steps") == 1
-    done = unproject("resume", out, "--steps", "6", "--trust", "--quiet", "--processes", "3")
-    assert done.returncode == 0 and load(out).step == 6, done.stderr
+    assert capfd.readouterr().out.count("4 steps") == 1
+    assert main(["resume", str(out), "--steps", "6", "--trust", "--quiet", "--processes", "3"]) == 0
+    assert load(out, trust=True).step == 6
 
 
 @pytest.mark.slow
 def test_processes_agree_average_and_stay_equal(tmp_path: Path) -> None:
-    done = torchrun(HERE / "averaging.py", tmp_path)
-    assert done.returncode == 0, done.stderr
+    script("averaging.py", tmp_path)
     a, b = (json.loads((tmp_path / f"rank-{rank}.json").read_text()) for rank in (0, 1))
     assert a["difference"] <= 1e-5 and b["difference"] <= 1e-5 and a["size"] > 1e-3
     assert a["sums"] == b["sums"] and a["views"] == b["views"]
@@ -92,20 +103,17 @@ def differences(folder: Path, other: Path) -> dict[str, float]:
 @pytest.mark.slow
 def test_two_batches_of_b_are_one_of_2b(tmp_path: Path) -> None:
     """The law, and the mutant that draws in each process alone."""
-    script = HERE / "equal_batches.py"
-    whole = run([sys.executable, str(script), str(tmp_path / "whole"), "8"])
-    halves = torchrun(script, tmp_path / "halves", "4", tmp_path / "mutant")
-    assert [done.returncode for done in (whole, halves)] == [0, 0], halves.stderr
+    script("equal_batches.py", tmp_path)
     equal, broken = (differences(tmp_path / "whole", tmp_path / name) for name in ("halves", "mutant"))
     assert len(equal) == 6 and max(equal.values()) < TOLERANCE, equal
     assert max(broken.values()) > 10 * TOLERANCE, broken
 
 
 @pytest.mark.slow
-def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_two(tmp_path: Path) -> None:
+def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_two(tmp_path: Path, agent: None) -> None:
     killed, words = tmp_path / "killed", ["--steps", "400", "--checkpoint-every", "2", "--quiet"]
-    agent = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    command = [*agent, "-m", "unproject", "train", TOY, *words, "--out", str(killed)]
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    command = [*torchrun, "-m", "unproject", "train", TOY, *words, "--out", str(killed)]
     with subprocess.Popen(command, env=ENVIRONMENT, stdout=-3, stderr=-3, start_new_session=True) as process:
         while not checkpoint.list_checkpoints(killed / "checkpoints"):
             assert process.poll() is None
@@ -117,8 +125,7 @@ def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_two(tmp_pa
     shutil.copytree(killed, tmp_path / "in-one")
     words = ["--steps", str(done + 4), "--trust", "--quiet"]
     assert main(["resume", str(tmp_path / "in-one"), *words]) == 0
-    resumed = torchrun("-m", "unproject", "resume", killed, *words)
-    assert resumed.returncode == 0, resumed.stderr
+    assert main(["resume", str(killed), *words, "--processes", "2"]) == 0
     for out in (tmp_path / "in-one", killed):
         assert load(out).step == done + 4 and not list(out.rglob("*.tmp*"))
 
@@ -213,18 +220,22 @@ def fails(*, how: str = "", steps: int = 4) -> Recipe:
         ("killed", "unproject: process 1 of 2 was ended by signal 9; resume goes on from the last checkpoint", 1),
     ],
 )
-def test_one_process_that_fails_ends_all_with_one_line(tmp_path: Path, how: str, line: str, status: int) -> None:
+def test_one_process_that_fails_ends_all_with_one_line(
+    tmp_path: Path,
+    agent: None,
+    how: str,
+    line: str,
+    status: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     (tmp_path / "failing.py").write_text(FAILING)
     (tmp_path / "temporary").mkdir()
-    environment = {
-        **ENVIRONMENT,
-        "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]),
-        "TMPDIR": str(tmp_path / "temporary"),
-    }
-    command = [sys.executable, "-m", "unproject", "train", f"{tmp_path / 'failing.py'}:fails", "--how", how]
-    words = ["--out", str(tmp_path / "run"), "--quiet", "--processes", "2"]
-    done = subprocess.run([*command, *words], env=environment, capture_output=True, text=True, timeout=200, check=False)
-    assert (done.stderr.splitlines(), done.returncode) == ([line], status)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]))
+    words = ["--how", how, "--out", str(tmp_path / "run"), "--quiet", "--processes", "2"]
+    found = main(["train", f"{tmp_path / 'failing.py'}:fails", *words])
+    assert (capfd.readouterr().err.splitlines(), found) == ([line], status)
     assert not list((tmp_path / "temporary").glob("torchelastic*"))
 
 

@@ -1,4 +1,4 @@
-"""What each of two processes does in tests/test_processes.py: `torchrun ... averaging.py FOLDER`."""
+"""What each of two processes does in tests/test_processes.py: `python averaging.py FOLDER`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from pair import in_two
 from toy import jointly, toy
 
 import unproject.training.loop as loop
@@ -101,4 +102,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    in_two(lambda: main(Path(sys.argv[1])))

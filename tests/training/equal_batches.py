@@ -1,7 +1,7 @@
-"""Train toys by batches of BATCH in each process: `torchrun ... equal_batches.py FOLDER BATCH [MUTANT'S FOLDER]`.
+"""Train toys in one process by batches of 8, and in two by batches of 4 each: `python equal_batches.py FOLDER`.
 
-`tests/test_processes.py` compares what one process with a batch of 8 and two with a batch of 4 write. The mutant draws
-in each process alone, as from a source of its own.
+`tests/test_processes.py` compares what they write into FOLDER/whole and FOLDER/halves. The mutant, in FOLDER/mutant,
+draws in each process alone, as from a source of its own.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
+from pair import in_two
 from toy import only_panel, toy, with_panel
 
 from unproject._random import generator_at
@@ -59,14 +60,19 @@ def train_each(folder: Path, chosen: dict[str, Recipe]) -> None:
         train(replace(recipe, origin=None, normalise_over="processes"), folder / name, device="cpu", quiet=True)
 
 
-def main(folder: Path, batch: int, mutant: Path | None) -> None:
+def in_each(folder: Path) -> None:
+    """What each of the two does."""
+    train_each(folder / "halves", recipes(4))
+    Distribution.part = alone  # type: ignore[method-assign]
+    train_each(folder / "mutant", {"known": recipes(4)["known"]})  # one is enough to tell
+
+
+def main(folder: Path) -> None:
     torch.set_num_threads(1)
     trainer.EVERY = 1
-    train_each(folder, recipes(batch))
-    if mutant is not None:
-        Distribution.part = alone  # type: ignore[method-assign]
-        train_each(mutant, {"known": recipes(batch)["known"]})  # one is enough to tell
+    train_each(folder / "whole", recipes(8))
+    in_two(lambda: in_each(folder))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]) if sys.argv[3:] else None)
+    main(Path(sys.argv[1]))
