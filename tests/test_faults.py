@@ -29,6 +29,15 @@ TOY = Path(__file__).parent / "training" / "toy.py"
 TRAIN = ["train", f"{TOY}:toy", "--views", "known", "--steps", "4", "--checkpoint-every", "2", "--quiet"]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def small_pictures() -> Iterator[None]:
+    """Samples of networks that learned nothing are noise, whose surfaces take long to draw."""
+    with pytest.MonkeyPatch.context() as patch:
+        for many in ("domains.Volumes.previewed", "report.pictures.SHAPES"):
+            patch.setattr(f"unproject.{many}", 1)
+        yield
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run with two checkpoints."""

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
+import signal
 from pathlib import Path
 
 import pytest
 import torch
 from PIL import Image
 from safetensors.torch import load_file, save_file
+from torch.distributed.run import main as torchrun
 
 from unproject.cli import main
 from unproject.data import chairs, observe
@@ -149,17 +148,21 @@ def run_command(words: list[str]) -> None:
         assert Path(words[words.index("--out") + 1]).exists(), words
 
 
-def run_processes(command: str) -> None:
-    """Run a command of torchrun, on processors."""
-    words = shlex.split(command.partition("torchrun ")[2])
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
-    torchrun = [sys.executable, "-m", "torch.distributed.run", *words]
-    done = subprocess.run(torchrun, env=environment, capture_output=True, text=True, timeout=250, check=False)
-    assert done.returncode == 0, done.stderr
+def run_processes(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a command of torchrun, on processors: its agent in this process, which has torch already."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    handlers = {number: signal.getsignal(number) for number in numbers}
+    try:
+        torchrun(shlex.split(command.partition("torchrun ")[2]))  # raises when one of them fails
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
+def test_the_commands_of_a_page_run(masks: Path, page: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In their order, each with what those before it have left; what --out names is there afterwards."""
     tried = [command for command in commands(page) if not command.startswith(ELSEWHERE)]
     assert PAGES[page] <= {verb_of(command) for command in tried}
@@ -170,7 +173,7 @@ def test_the_commands_of_a_page_run(masks: Path, page: str) -> None:
             run_python(code, page, names)
     for command in map(shortened, tried):
         if "torchrun " in command:
-            run_processes(command)
+            run_processes(command, monkeypatch)
         else:
             run_command(shlex.split(command)[1:])
     for code in codes:

@@ -49,7 +49,7 @@ def jitter(batch: int, seed: int = 0) -> Tensor:
     return torch.rand(batch, generator=generator_at(seed), dtype=torch.float64)
 
 
-def quadrature(x: Tensor, toward: Tensor, light: shading.Light, model: Reflection, n: int = 700) -> Tensor:
+def quadrature(x: Tensor, toward: Tensor, light: shading.Light, model: Reflection, n: int = 400) -> Tensor:
     """(3,) of one pixel: the integral over a fine grid of the sphere."""
     t = (torch.arange(n, dtype=torch.float64) + 0.5) * math.pi / n
     p = (torch.arange(2 * n, dtype=torch.float64) + 0.5) * math.pi / n

@@ -53,6 +53,10 @@ def toy(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trainings are in this process, one at a time: what others cost is most of the time that such small ones take."""
+    train_here(monkeypatch)
+
+
+def train_here(monkeypatch: pytest.MonkeyPatch) -> None:
     lock = threading.Lock()
 
     def wait(self: object, words: list[str]) -> tuple[int, str]:
@@ -64,14 +68,21 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["reproduce", "toy", "--parallel", "2", "--threads", "1"]) == 0
+    assert main(["reproduce", "toy", "--parallel", "2", "--threads", "1", "--seeds", "1"]) == 0
     kept = tmp_path / "reproduction" / "cpu" / "results"
+    first = {path: path.stat().st_mtime_ns for path in kept.iterdir()}
+    with monkeypatch.context() as patch:  # the other seeds, without processes
+        train_here(patch)
+        assert main(["reproduce", "toy", "--threads", "1"]) == 0
+    assert {path: path.stat().st_mtime_ns for path in first} == first
     names = {f"toy-{arm}-{seed}" for arm in ("known", "single") for seed in (0, 1)} | {"truth-digits-0"}
     assert {path.stem for path in kept.glob("*.json")} == names
     assert {path.name for path in kept.glob("*-views.webp")} == set()  # line integrals are no pictures
     assert {path.suffix for path in (tmp_path / "reproduction" / "cpu").glob("toy.*")} == {".md", ".html", ".webp"}
-    content = json.loads((kept / "toy-known-1.json").read_text())
-    assert content["seed"] == 1 and content["steps"] == 2 and content["budget"] == "cpu"
+    contents = [json.loads((kept / f"toy-known-{seed}.json").read_text()) for seed in (0, 1)]
+    for seed, content in enumerate(contents):
+        assert content["seed"] == seed and content["steps"] == 2 and content["budget"] == "cpu"
+    content = contents[0]
     assert content["environment"]["command"][1:3] == ["train", "digits"] and str(tmp_path) not in json.dumps(content)
 
     before = {path: path.stat().st_mtime_ns for path in kept.iterdir()}

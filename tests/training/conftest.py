@@ -25,3 +25,11 @@ def one_thread() -> Iterator[None]:
 def log_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line every second step: toys train for a dozen."""
     monkeypatch.setattr("unproject.training.trainer.EVERY", 2)
+
+
+@pytest.fixture(autouse=True, scope="package")
+def small_previews() -> Iterator[None]:
+    """Samples of networks that learned nothing are noise, whose surfaces take longer to draw than toys to train."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("unproject.domains.Volumes.previewed", 1)
+        yield
