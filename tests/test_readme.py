@@ -57,7 +57,7 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = tmp_path / "my_masks"
     folder.mkdir()
-    seen = observe(chairs(8), azimuth_bins(4), seed=0)
+    seen = observe(chairs(4), azimuth_bins(4), seed=0)
     for name, picture in zip(seen.names, seen.items, strict=True):
         Image.fromarray((picture[0] * 255).to(torch.uint8).numpy()).save(folder / f"{name}.png")
     (tmp_path / "my_wood").mkdir()

@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +19,7 @@ from unproject._types import UserError
 from unproject.cli import main
 from unproject.data import Collection, chairs
 from unproject.domains import Images
-from unproject.inversion import Search, Viewing
+from unproject.inversion import Novelty, Search, Viewing
 from unproject.metrics import Gauge, apply
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import load
@@ -63,7 +64,11 @@ def entries(out: Path) -> list[dict]:
     return json.loads((out / "fit.json").read_text())["fits"]
 
 
-def test_a_folder_of_pictures_becomes_a_thing_each(shapes: Path, masks: Path, tmp_path: Path) -> None:
+def test_a_folder_of_pictures_becomes_a_thing_each(
+    shapes: Path, masks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Of what kind they are is not asked here.
+    monkeypatch.setattr(Novelty, "fitted", partial(Novelty.fitted, steps=10))
     out = tmp_path / "fits"
     assert fit(shapes, masks, "--out", out) == 0
     names = ["chair0", "chair1", "chair2"]

@@ -293,6 +293,9 @@ def small_demo(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_demo_leaves_pictures_and_meshes(
     small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., str]
 ) -> None:
+    """And what its help and its last lines name."""
+    assert main(["demo", "--help"]) == 0
+    named = set(re.findall(r"[\w/]+\.(?:png|gif|glb)|\brun(?=/)", capsys.readouterr().out))
     out = tmp_path / "demo"
     assert main(["demo", "--minutes", "0.01", "--out", str(out)]) == 0
     names = {path.name for path in out.iterdir()}
@@ -303,6 +306,9 @@ def test_the_demo_leaves_pictures_and_meshes(
     assert "verdict: " in printed
     assert (out / "run" / "verdict.json").is_file()
     assert "holds a demo already" in refused("demo", "--out", out)
+    said = set(re.findall(r"[\w/]+\.(?:png|gif|glb)", printed.partition("demo: ")[2]))
+    assert len(named) == 5 and all((out / name.replace("NN", "00")).exists() for name in named | said)
+    assert names == {name.split("/")[0] for name in named}
 
 
 def test_a_demo_whose_shapes_are_all_empty_says_so_and_leaves_its_run(
@@ -313,18 +319,6 @@ def test_a_demo_whose_shapes_are_all_empty_says_so_and_leaves_its_run(
     assert main(["demo", "--minutes", "0.01", "--out", str(tmp_path / "demo")]) == 0
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {"silhouettes.png", "chairs.png", "run"}
     assert "warning: all 16 samples are empty" in capsys.readouterr().err
-
-
-def test_the_demos_help_names_what_it_writes(
-    small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["demo", "--help"]) == 0
-    named = set(re.findall(r"[\w/]+\.(?:png|gif|glb)|\brun(?=/)", capsys.readouterr().out))
-    out = tmp_path / "demo"
-    assert main(["demo", "--minutes", "0.01", "--out", str(out)]) == 0
-    said = set(re.findall(r"[\w/]+\.(?:png|gif|glb)", capsys.readouterr().out.partition("demo: ")[2]))
-    assert len(named) == 5 and all((out / name.replace("NN", "00")).exists() for name in named | said)
-    assert {path.name for path in out.iterdir()} == {name.split("/")[0] for name in named}
 
 
 @pytest.mark.parametrize("flags", [["--minutes", "nan"], ["--minutes", "0"], ["--threads", "0"]])
