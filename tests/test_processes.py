@@ -232,6 +232,7 @@ def test_one_process_that_fails_ends_all_with_one_line(
     (tmp_path / "failing.py").write_text(FAILING)
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.syspath_prepend(HERE)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]))
     words = ["--how", how, "--out", str(tmp_path / "run"), "--quiet", "--processes", "2"]
     found = main(["train", f"{tmp_path / 'failing.py'}:fails", *words])
