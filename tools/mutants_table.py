@@ -3413,13 +3413,6 @@ ANY_CLASS = (
         "assignment/test_anywhere.py::test_the_predictor_learns_the_views_that_samples_have",
     ),
     mutant(
-        "anywhere: runs of before have it",
-        "training/origin.py",
-        '{"anywhere": 0.0}',
-        "{}",
-        "recipes/test_shapes.py::test_a_run_of_before_samples_were_seen_from_anywhere_goes_on_without",
-    ),
-    mutant(
         "thin parts: what is gone is not missed",
         "ops/thin_parts.py",
         " and not (there & ~grown(shown)).any()",

@@ -156,17 +156,6 @@ def test_a_run_of_before_round_shapes_were_preferred_goes_on_without(cups: Path,
     assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
 
 
-def test_a_run_of_before_samples_were_seen_from_anywhere_goes_on_without(volumes: Path, tmp_path: Path) -> None:
-    small = {"size": 16, "batch": 4, "channels": 8, "rank": 4}
-    train(shapes(data=volumes, anywhere=0.0, steps=2, **small), tmp_path / "run", quiet=True)  # type: ignore[arg-type]
-    file = tmp_path / "run" / "recipe.json"
-    stored = json.loads(file.read_text())
-    assert '"anywhere"' not in json.dumps(stored["resolved"])
-    del stored["arguments"]["anywhere"]
-    file.write_text(json.dumps(stored))
-    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
-
-
 def test_round_shapes_are_preferred_if_asked_and_views_are_unknown(volumes: Path) -> None:
     some = {"data": volumes, "solid": 0.0, "axisymmetric": 2.0, **SMALL}
     assert shapes(**some).regulariser == Axisymmetric(2.0)

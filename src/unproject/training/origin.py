@@ -127,7 +127,6 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
         terms = json.dumps(resolved.get("regulariser"))
         flags = ("rectilinear", "varied", "axisymmetric")
         older |= {flag: 0.0 for flag in flags if flag.capitalize() not in terms}
-        older |= {} if '"anywhere"' in json.dumps(resolved.get("panels")) else {"anywhere": 0.0}
     return older
 
 
