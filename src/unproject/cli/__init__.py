@@ -12,7 +12,8 @@ import gc
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from io import TextIOWrapper
 
@@ -52,7 +53,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # names of files may be no text
         stop_with_parent()
-        gc.disable()  # while torch and the package are imported: a sixth of that time would go into finding no garbage
         with held():
             return _run(sys.argv[1:])
     except KeyboardInterrupt:
@@ -86,11 +86,21 @@ def _run(argv: list[str]) -> int:
 
         print(f"unproject {__version__}")
         return 0
-    call = _parsed(argv[0], argv[1:])
-    if not gc.isenabled():
-        gc.freeze()
-        gc.enable()
+    with uncollected():
+        call = _parsed(argv[0], argv[1:])
     return 0 if call is None else (call() or 0)
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Look for no garbage while torch and the package are imported: a sixth of that time would go into finding none."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _parsed(verb: str, argv: list[str]) -> Callable[[], int | None] | None:

@@ -97,8 +97,8 @@ def jointly_predicted(
     information: float,
     mirrored: tuple[int, ...] | None = None,
     mean_shape: bool = False,
-    window: int | None = None,
     anywhere: float = 0.0,
+    window: int | None = None,
 ) -> JointlyPredicted:
     """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along.
 

@@ -124,7 +124,7 @@ def shapes(
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, seen, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
     plane = mirror_of(mirror, views, collection)
-    how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, None, anywhere)
+    how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
     panel = split_panel(views, bands, seen, collection, how, seed if augment else None, flips)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, plane, hull=False if views == "direct" else density),
