@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 import time
@@ -262,3 +263,17 @@ def test_materials_with_and_without_matching_are_compared(
         lines = (tmp_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
         assert len(lines) == 2 and capsys.readouterr().out.count("| plastic |") == 2
     assert (tmp_path / "plastic-2-0.png").is_file()
+
+
+def test_wood_by_minutes_is_scored_as_in_the_figure(
+    named: object, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = named("wood_minutes")  # type: ignore[operator]
+    monkeypatch.setattr("unproject.reproduce.material_sources.MATERIALS", 20)
+    monkeypatch.setattr(module, "scored", lambda domain: 20)
+    monkeypatch.setattr(module, "flags_of", lambda arm, budget: {"size": 16, "steps": 1, "maps": 8, **arm.flags})
+    for _ in range(2):  # the second time the arm is there
+        module.main(["--out", str(tmp_path), "--minutes", "1", "--arms", "wood-joint"])
+        (line,) = (tmp_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
+        assert "| wood-joint | 0 | 1 (1) |" in capsys.readouterr().out
+    assert json.loads(line)["correlation_error"] > 0 and (tmp_path / "wood-joint-1-0.png").is_file()
