@@ -6,6 +6,7 @@ import gzip
 import io
 import os
 import resource
+import shutil
 import signal
 import struct
 import sys
@@ -60,6 +61,14 @@ def in_child(argv: list[str], errors: Path, memory: int = GIB, seconds: float = 
     raise AssertionError(f"{argv} hangs")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def imported(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Import here, once, what each forked child would import: the commands do so when they are called."""
+    nowhere = str(tmp_path_factory.mktemp("nowhere") / "x.npz")
+    for words in (["data", "inspect"], ["export", "--out", "x.png"], ["render", "--out", "x.png"]):
+        assert main([*words, nowhere]) == 2
+
+
 @pytest.fixture
 def refused(tmp_path: Path) -> Line:
     """Run a command that must be refused in one line; the line."""
@@ -92,24 +101,23 @@ def npy(shape: tuple[int, ...], content: bytes | None = None, kind: str = "|u1")
     return head.getvalue() + (bytes(int(np.prod(shape))) if content is None else content)
 
 
-def bomb(folder: Path, unused: bool = False) -> Path:
+@pytest.fixture(scope="module")
+def bomb(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An .npz of a few MiB that holds two GiB."""
-    path = folder / "x.npz"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
-        with file.open("extra.npy" if unused else "masks.npy", "w", force_zip64=True) as stream:
-            stream.write(npy((32768, 256, 256), b""))
-            for _ in range(2048):
-                stream.write(bytes(2**20))
-        if unused:
-            masks = np.zeros((3, 20, 20), np.uint8)
-            masks[:, 4:16, 6:10] = 1
-            file.writestr("masks.npy", npy(masks.shape, masks.tobytes()))
+    path = tmp_path_factory.mktemp("bomb") / "x.npz"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file,
+        file.open("extra.npy", "w", force_zip64=True) as stream,
+    ):
+        stream.write(npy((32768, 256, 256), b""))
+        for _ in range(2048):
+            stream.write(bytes(2**20))
     return path
 
 
 @pytest.mark.slow
-def test_an_archive_that_holds_gigabytes(tmp_path: Path, refused: Line) -> None:
-    path = bomb(tmp_path)
+def test_an_archive_that_holds_gigabytes(tmp_path: Path, bomb: Path, refused: Line) -> None:
+    path = shutil.copy(bomb, tmp_path)
     for argv in (["data", "inspect", path], ["export", path, "--out", tmp_path / "out"]):
         refused(*argv)
     assert "announces 2048 MiB" in refused("data", "inspect", path)
@@ -117,26 +125,29 @@ def test_an_archive_that_holds_gigabytes(tmp_path: Path, refused: Line) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_not_used_is_not_read(tmp_path: Path) -> None:
-    path = bomb(tmp_path, unused=True)
+def test_what_is_not_used_is_not_read(tmp_path: Path, bomb: Path) -> None:
+    path = shutil.copy(bomb, tmp_path)
+    masks = np.zeros((3, 20, 20), np.uint8)
+    masks[:, 4:16, 6:10] = 1
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("masks.npy", npy(masks.shape, masks.tobytes()))
     assert in_child(["data", "inspect", str(path)], tmp_path / "stderr") == 0
 
 
+def large(path: Path, *shape: int) -> Path:
+    """An idx file that says this shape and holds a gigabyte of zeros, in members of a MiB."""
+    head = b"\0\0\x08\x03" + struct.pack(">3I", *shape)
+    path.write_bytes(gzip.compress(head) + 1024 * gzip.compress(bytes(2**20)))
+    return path
+
+
 def test_an_idx_file_that_holds_a_gigabyte(tmp_path: Path, refused: Line) -> None:
-    path = tmp_path / "x.idx.gz"
-    with gzip.open(path, "wb", compresslevel=1) as stream:
-        stream.write(b"\0\0\x08\x03" + struct.pack(">3I", 1024, 1024, 1024))
-        for _ in range(1024):
-            stream.write(bytes(2**20))
+    path = large(tmp_path / "x.idx.gz", 1024, 1024, 1024)
     assert "announces 1024 MiB" in refused("data", "inspect", path, "--for", "digits")
 
 
 def test_an_idx_file_that_does_not_end(tmp_path: Path, refused: Line) -> None:
-    path = tmp_path / "x.idx.gz"
-    with gzip.open(path, "wb", compresslevel=1) as stream:
-        stream.write(b"\0\0\x08\x03" + struct.pack(">3I", 2, 28, 28))
-        for _ in range(1024):
-            stream.write(bytes(2**20))
+    path = large(tmp_path / "x.idx.gz", 2, 28, 28)
     assert "holds more" in refused("data", "inspect", path, "--for", "digits")
 
 
