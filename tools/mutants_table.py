@@ -2039,6 +2039,27 @@ FOUNDATIONS = (
         "test_random.py",
     ),
     mutant(
+        "files: a link whose file is gone is no file",
+        "_files.py",
+        "return path.is_file() or is_broken_link(path)",
+        "return path.is_file()",
+        "data/readers/test_paths.py",
+    ),
+    mutant(
+        "packing: a link whose file is gone ends it",
+        "data/packing.py",
+        "follow_symlinks=not is_broken_link(file)",
+        "follow_symlinks=True",
+        "data/test_packing.py",
+    ),
+    mutant(
+        "preferences: a weight that is not used is not checked",
+        "recipes/shape_panels.py",
+        "rotated = [Axisymmetric(axisymmetric)] if axisymmetric else []",
+        'rotated = [Axisymmetric(axisymmetric)] if axisymmetric and views != "known" else []',
+        "recipes/test_shapes.py",
+    ),
+    mutant(
         "files: a failed write leaves its temporary file",
         "_files.py",
         "        temporary.unlink(missing_ok=True)\n        raise",
@@ -3767,8 +3788,8 @@ ANY_CLASS = (
     mutant(
         "rectilinear: known views are not trusted",
         "recipes/shape_panels.py",
-        "    elif unknown:\n",
-        "    else:\n",
+        'if views not in ("known", "direct"):',
+        "if True:",
         "recipes/test_shapes.py",
     ),
     mutant(

@@ -160,6 +160,16 @@ def read_json(path: Path, fix: str) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
 
 
+def is_file_or_broken_link(path: Path) -> bool:
+    """Whether a path is a file, or a link to one that is gone: whatever reads it says so. No pipe and no folder is."""
+    return path.is_file() or is_broken_link(path)
+
+
+def is_broken_link(path: Path) -> bool:
+    """Whether a path is a link to what is not there."""
+    return path.is_symlink() and not path.exists()
+
+
 def paths_below(folder: Path) -> list[Path]:
     """Return all files and folders below a folder, sorted; linked folders once, and not those they lie in.
 

@@ -133,6 +133,13 @@ def test_a_pack_that_was_killed_at_ten_instants_is_that_of_one_that_was_not(tmp_
     assert not list(tmp_path.glob(".*")), "nothing is left beside them"
 
 
+def test_a_link_whose_file_is_gone_is_skipped_as_in_its_folder(masks: Path) -> None:
+    (masks / "11.png").symlink_to("elsewhere")
+    made = pack(masks, masks.parent / "p.npz", ReadOptions(16))
+    assert made.skipped == Collection.silhouettes(masks, 16).skipped
+    assert [name for name, _ in made.skipped] == ["03.png", "11.png"]
+
+
 def no_picture(folder: Path) -> None:
     for file in folder.glob("*.png"):
         file.write_bytes(b"no picture")

@@ -162,6 +162,13 @@ def test_round_shapes_are_preferred_if_asked_and_views_are_unknown(volumes: Path
     assert shapes(views="known", **some).regulariser is None
 
 
+@pytest.mark.parametrize("views", ["predicted", "known", "direct"])
+@pytest.mark.parametrize("name", ["solid", "rectilinear", "varied", "connected", "axisymmetric"])
+def test_weights_below_zero_are_refused_whether_used_or_not(volumes: Path, name: str, views: str) -> None:
+    with pytest.raises(UserError, match="weight=-1"):
+        shapes(data=volumes, views=views, **{name: -1.0}, **SMALL)
+
+
 def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:
     both = Regularisers((Solid(0.1, 0.01), Connected(0.5)))
     none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}

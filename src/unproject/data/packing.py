@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._files import atomic_path, check_replaceable
+from .._files import atomic_path, check_replaceable, is_broken_link
 from .._types import UserError
 from .readers.found import check_size
 from .readers.options import ReadOptions
@@ -77,7 +77,7 @@ def _identity(path: Path, files: Sequence[Path], options: ReadOptions) -> str:
     """Return a digest of how files are read, their names, lengths and times."""
     digest = hashlib.sha256(repr(options).encode())
     for file in files:
-        stat = file.stat()
+        stat = file.stat(follow_symlinks=not is_broken_link(file))
         digest.update(os.fsencode(file.relative_to(path)) + f" {stat.st_size} {stat.st_mtime_ns}\n".encode())
     return digest.hexdigest()[:12]
 

@@ -64,15 +64,16 @@ def preferences(
     by level cameras, by others from top to bottom too.
     """
     solid, rectilinear, varied, connected, axisymmetric = weights
-    unknown = views not in ("known", "direct")
     if axisymmetric is None:
         axisymmetric = Axisymmetric().weight if feet > ROUND else 0.0
-    terms: list[Regulariser] = [Solid(solid, solid / 10)] if solid and views != "direct" else []
-    if unknown and axisymmetric:
-        terms += [Axisymmetric(axisymmetric)]
-    elif unknown:
-        terms += [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear else []
-        terms += [Varied(varied)] if varied else []
+    # All are made, so that a weight that makes no sense is refused whether or not it is used.
+    full = [Solid(solid, solid / 10)] if solid else []
+    rotated = [Axisymmetric(axisymmetric)] if axisymmetric else []
+    boxes = [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear else []
+    different = [Varied(varied)] if varied else []
+    terms: list[Regulariser] = [*full] if views != "direct" else []
+    if views not in ("known", "direct"):
+        terms += rotated or [*boxes, *different]
     terms += [Connected(connected)] if connected else []
     if isinstance(observations[0].projection, Cropped):
         terms += [Centred(axes="xz" if bands in (None, 1) else "xyz")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from PIL import Image
 
 from unproject._files import paths_below
 from unproject._types import UserError
-from unproject.data import read
+from unproject.data import Collection, read
+from unproject.data.readers.probes import find_probes
 
 
 def mesh(folder: Path) -> Path:
@@ -66,3 +68,29 @@ def test_arrays_of_truth_values_are_averaged_as_images(tmp_path: Path) -> None:
     for name in ("masks.npz", "masks.npy"):
         found = read(tmp_path / name, 4, pictures="images").floats()
         assert torch.allclose(found[0, 0, 0], torch.tensor([1.0, 0.5, 0.0, 0.0]), atol=0.003), name
+
+
+SKIPPED = {
+    "pictures/a.png": lambda folder: Collection.images(folder / "pictures", 8).skipped,
+    "top/a.png": lambda folder: Collection.photographs(folder, "top", 8).skipped,
+    "shapes/a.obj": lambda folder: read(folder / "shapes", size=8).skipped,
+    "probes/a.npy": lambda folder: find_probes(folder / "probes").skipped,
+}
+"""Of each kind of file, how a folder is read."""
+
+
+@pytest.mark.parametrize("name", SKIPPED)
+def test_links_whose_file_is_gone_are_named_and_pipes_not_waited_for(name: str, tmp_path: Path) -> None:
+    """As of a disk that is not there: what lies on it would be missing without a word."""
+    good = tmp_path / name
+    good.parent.mkdir()
+    if good.suffix == ".png":
+        Image.fromarray(np.arange(64, dtype=np.uint8).reshape(8, 8)).save(good)
+    elif good.suffix == ".npy":
+        np.save(good, np.ones((8, 16, 3), np.float32))
+    else:
+        trimesh.creation.box().export(good)
+    good.with_stem("gone").symlink_to(tmp_path / "elsewhere")
+    os.mkfifo(good.with_stem("pipe"))
+    ((skipped, reason),) = SKIPPED[name](tmp_path)
+    assert "gone" in skipped and ("no such file" in reason.lower())

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..._files import paths_below
+from ..._files import is_file_or_broken_link, paths_below
 from ..._pictures import UnusablePicture, read_displayed
 from ..._types import UserError
 from ..sampling import spread_rows
@@ -150,7 +150,7 @@ def found_of(path: Path, skipped: Sequence[tuple[str, str]], names: Sequence[str
 def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
     """The pictures in a folder and its subfolders, sorted; hidden files are no pictures."""
     below = (file for file in paths_below(folder) if file.suffix.lower() in suffixes) if folder.is_dir() else ()
-    return [file for file in below if not is_hidden(file, folder) and file.is_file()]
+    return [file for file in below if not is_hidden(file, folder) and is_file_or_broken_link(file)]
 
 
 def required_pictures(path: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..._files import check_regular, check_unpacked, paths_below
+from ..._files import check_regular, check_unpacked, is_file_or_broken_link, paths_below
 from ..._types import UserError
 from .arrays import EMPTY, checked_values, load_arrays, occupied, read_arrays, resized_volumes
 from .found import Found, to_floats, white_of
@@ -58,7 +58,7 @@ def find_volumes(
 
 def shape_files(folder: Path) -> list[Path]:
     """Return the shapes in a folder and below it, those that are hidden left out, sorted."""
-    below = [file for file in paths_below(folder) if file.suffix.lower() in SUFFIXES and file.is_file()]
+    below = [f for f in paths_below(folder) if f.suffix.lower() in SUFFIXES and is_file_or_broken_link(f)]
     return [file for file in below if not is_hidden(file, folder)]
 
 

@@ -17,6 +17,7 @@ from itertools import takewhile
 from os.path import commonprefix
 from pathlib import Path
 
+from ..._files import is_file_or_broken_link
 from ..._types import UserError
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp")
@@ -126,7 +127,7 @@ def _spelt(words: list[str]) -> list[str]:
 def picture_names(folder: Path) -> list[Path]:
     """The pictures that lie in a folder, sorted; hidden ones are none."""
     files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
-    return sorted(f for f in files if f.is_file())
+    return sorted(f for f in files if is_file_or_broken_link(f))
 
 
 def holds_material(folder: Path) -> bool:
