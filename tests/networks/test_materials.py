@@ -10,6 +10,7 @@ import torch
 from unproject._random import generator_at, seeded
 from unproject._types import UserError
 from unproject.networks import DCGANMaterials, Generator, StationaryMaterials
+from unproject.networks.texture_layers import Waves
 from unproject.networks.texture_noise import normal_noise, stretched, white_noise
 from unproject.ops.maps import MAPS, check_maps, places, unpack_maps
 from unproject.testing import check_generator, run_laws
@@ -20,21 +21,24 @@ def made(kind: str, specular: int = 1) -> Generator:
         return (
             DCGANMaterials(16, channels=32, code_size=24, specular_channels=specular)
             if kind == "dcgan"
-            else StationaryMaterials(32, 24, places=3, channels=32, least=8, specular_channels=specular)
+            else StationaryMaterials(
+                32, 24, places=3, channels=32, least=8, specular_channels=specular, cycles=8 * (kind == "waves")
+            )
         )
 
 
 COLOURS = pytest.mark.parametrize("specular", [1, 3])
-BOTH = pytest.mark.parametrize("kind", ["dcgan", "stationary"])
+TILING = pytest.mark.parametrize("kind", ["stationary", "waves"])
+EACH = pytest.mark.parametrize("kind", ["dcgan", "stationary", "waves"])
 
 
-@BOTH
+@EACH
 @COLOURS
 def test_they_obey_the_laws(kind: str, specular: int) -> None:
     check_generator(made(kind, specular), low=-1, high=3)
 
 
-@BOTH
+@EACH
 @COLOURS
 def test_they_make_what_can_be_a_material(kind: str, specular: int) -> None:
     x = made(kind, specular).sample(5, seed=1)
@@ -45,13 +49,13 @@ def test_they_make_what_can_be_a_material(kind: str, specular: int) -> None:
     assert (colours.min() > 0) == (specular == 3)
 
 
-@BOTH
+@EACH
 def test_a_specular_albedo_has_one_channel_or_three(kind: str) -> None:
     with pytest.raises(UserError, match="give 1, or 3"):
         made(kind, 2)
 
 
-@BOTH
+@EACH
 @COLOURS
 def test_every_map_learns(kind: str, specular: int) -> None:
     """Each branch gets a gradient from its own map and none from another's; what they share gets one from each."""
@@ -128,9 +132,10 @@ def test_half_of_the_noise_is_grain(times: int) -> None:
             assert neighbour == pytest.approx(expected, abs=0.06)
 
 
-def test_a_stationary_generator_has_no_origin() -> None:
+@TILING
+def test_a_stationary_generator_has_no_origin(kind: str) -> None:
     """Its map of places shifted by one: the same material shifted by a quarter, if no level adds noise."""
-    generator = made("stationary").eval()
+    generator = made(kind).eval()
     for name, value in generator.named_parameters():
         if name.endswith("strength"):
             value.data.zero_()
@@ -140,6 +145,51 @@ def test_a_stationary_generator_has_no_origin() -> None:
     with torch.no_grad():
         torch.testing.assert_close(generator(shifted), generator(code).roll((8, 16), (2, 3)), atol=1e-5, rtol=0)
         assert (generator(shifted) - generator(code)).abs().max() > 1e-3
+
+
+def choosing(down: int, across: int) -> Waves:
+    """Waves of so many cycles."""
+    with seeded(0):
+        waves = Waves(4, 5, cycles=8)
+    waves.choice.weight.data.zero_()
+    waves.choice.bias.data.zero_().view(2, 9)[[0, 1], [down, across]] = 100.0
+    return waves
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_waves_have_the_cycles_that_the_vector_chooses_and_texels_as_large(times: int) -> None:
+    places = torch.randn(2, 3, 4 * times, 4 * times, generator=generator_at(0))
+    with torch.no_grad():
+        x = choosing(3, 5)(torch.zeros(2, 4), places, 32 * times, times)
+    assert x.shape == (2, 5, 32 * times, 32 * times)
+    spectrum = torch.fft.rfft2(x, norm="forward").abs()
+    there = spectrum > 1e-3 * spectrum.amax((2, 3), keepdim=True)
+    expected = torch.zeros_like(there)
+    expected[:, :, [3 * times, -3 * times], 0] = expected[:, :, 0, 5 * times] = True
+    assert torch.equal(there, expected)
+
+
+def test_no_waves_can_be_chosen_and_every_choice_learns() -> None:
+    places = torch.randn(2, 3, 4, 4, generator=generator_at(0))
+    assert choosing(0, 0)(torch.zeros(2, 4), places, 32).abs().max() < 1e-6
+    generator = made("waves")
+    generator(generator.draw(4, generator_at(2))).square().sum().backward()
+    waves = generator.waves
+    assert isinstance(waves, Waves)
+    for parameter in waves.parameters():
+        assert (
+            parameter.grad is not None and (parameter.grad.flatten(1) if parameter.dim() > 1 else parameter.grad).all()
+        )
+
+
+def test_waves_begin_anywhere_with_equal_chance() -> None:
+    """Where their phase is that of the map of places, which is drawn from a normal distribution."""
+    places = torch.randn(4000, 1, 4, 4, generator=generator_at(1))
+    with torch.no_grad():
+        x = choosing(1, 1)(torch.zeros(4000, 4), places, 32)[:, 0]
+    phase = torch.fft.fft(x.mean(2)).angle()[:, 1]
+    counts = torch.histc(phase, 8, -math.pi, math.pi)
+    assert (counts - 500).abs().max() < 5 * 500**0.5
 
 
 def test_no_lattice_can_be_learned() -> None:
@@ -232,8 +282,9 @@ def contrast(x: torch.Tensor, at: int) -> torch.Tensor:
     return differences.square().mean((0, 1, 3, 4)).sqrt()
 
 
-def test_a_sample_of_another_size_is_the_same_material_with_texels_as_large() -> None:
-    generator = made("stationary")
+@TILING
+def test_a_sample_of_another_size_is_the_same_material_with_texels_as_large(kind: str) -> None:
+    generator = made(kind)
     own, large = generator.sample(12, seed=1), generator.sample(12, seed=1, size=LARGE)
     assert torch.equal(generator.sample(12, seed=1, size=32), own)
     assert large.shape == (12, 8, LARGE, LARGE)
@@ -243,11 +294,16 @@ def test_a_sample_of_another_size_is_the_same_material_with_texels_as_large() ->
         torch.testing.assert_close(contrast(large, at), contrast(own, at), rtol=0.1, atol=1e-3)
 
 
-def test_a_large_sample_tiles_and_nothing_repeats_within() -> None:
-    large = made("stationary").sample(8, seed=1, size=LARGE)[:, :7]
+@TILING
+def test_a_large_sample_tiles(kind: str) -> None:
+    large = made(kind).sample(8, seed=1, size=LARGE)[:, :7]
     for axis in (2, 3):
         steps = (large - large.roll(1, axis)).square().mean((0, 1, 5 - axis)).sqrt()
         assert steps[0] < 1.5 * steps[1:].mean()  # over the border, as within
+
+
+def test_nothing_but_waves_repeats_within_a_large_sample() -> None:
+    large = made("stationary").sample(8, seed=1, size=LARGE)[:, :7]
     fields = (large - large.mean((2, 3), keepdim=True)).flatten(0, 1)
     energy = fields.square().mean((1, 2))
     for shift in (32, 64):
@@ -273,6 +329,6 @@ def test_widths_below_one_are_refused(kind: type[Generator], width: dict[str, in
         kind(size=16, **width)
 
 
-@BOTH
+@EACH
 def test_unproject_check_knows_the_range_of_maps(kind: str) -> None:
     assert [law.name for law in run_laws(made(kind)) if not law.passed] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,7 +30,7 @@ from unproject.recipes.held_out import held_out
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, natural_light, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.testing import check_prior, check_projection
-from unproject.training import Origin, Recipe, resume, train
+from unproject.training import Origin, Recipe, load, resume, train
 from unproject.training.description import describe
 from unproject.training.evaluation import projected
 from unproject.training.state import State
@@ -94,6 +95,27 @@ def test_a_run_of_before_a_photograph_goes_on_without(views: Literal["known", "d
     assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
     origin = wood_materials(**flags).origin
     assert origin is not None and [*origin.arguments["observations"]] == [*older, "overhead"]
+
+
+def test_a_run_of_before_there_were_waves_goes_on_without(tmp_path: Path) -> None:
+    """Without what newer flags ask for a recipe is described as before there were the flags."""
+    flags: dict[str, Any] = {"maps": 4, "renderings": 4, **TOY}
+    older = wood_materials(waves=False, **flags)
+    assert describe(older)["generator"]["arguments"] == {"size": 16, "channels": 16}
+    assert describe(wood_materials(**flags))["generator"]["arguments"] == {"size": 16, "channels": 16, "cycles": 4}
+    train(older, tmp_path / "run", quiet=True)
+    file = tmp_path / "run" / "recipe.json"
+    stored = json.loads(file.read_text())
+    assert stored["arguments"].pop("waves") is False
+    file.write_text(json.dumps(stored))
+    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
+    assert all("waves" not in name for name in load(tmp_path / "run").generator.state_dict())
+
+
+@pytest.mark.parametrize("recipe", [wood_materials, wood_paper])
+def test_runs_go_on_with_the_networks_that_they_began_with(recipe: Callable[..., Recipe], tmp_path: Path) -> None:
+    train(recipe(maps=4, renderings=4, **TOY), tmp_path / "run", quiet=True)
+    assert resume(tmp_path / "run", steps=3, quiet=True).step == 3
 
 
 def test_photographs_count_more_than_maps() -> None:
@@ -168,11 +190,9 @@ def test_the_procedural_data_sets_differ() -> None:
 
 
 def test_a_coloured_specular_albedo_is_an_option() -> None:
-    """Without it a recipe is described as before there was the flag, so that older runs resume."""
     plain, coloured = (
         metal_materials(maps=4, renderings=2, **TOY, **flag) for flag in ({}, {"coloured_specular": True})
     )
-    assert describe(plain)["generator"]["arguments"] == {"size": 16, "channels": 16}
     assert plain.generator().sample(1).shape[1] == 8 and coloured.generator().sample(1).shape[1] == 10
     before, now = panels(plain), panels(coloured)
     assert before["specular"].shape == (1, 16, 16) and now["specular"].shape == (3, 16, 16)

@@ -19,7 +19,7 @@ from .._types import UserError
 from ..ops.maps import normals_of, pack_maps
 from .blocks import ModulatedScale, check_widths, halved_widths, mapping, upsampling_levels
 from .generators import Generator
-from .texture_layers import Pixelwise, TilingLevel, shares, tiled, without_lattice
+from .texture_layers import Pixelwise, TilingLevel, Waves, shares, tiled, without_lattice
 from .texture_noise import normal_noise, stretched, white_noise
 
 SCALED = ("diffuse", "specular", "roughness")
@@ -163,9 +163,11 @@ class StationaryMaterials(MaterialGenerator):
         fields: channels at full size.
         least: see `channels`.
         specular_channels: 1, or 3 for a coloured specular albedo.
+        cycles: of the shortest wave that is added to the fields, a side (default: no waves).
 
     References:
-        Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from).
+        Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from,
+        waves whose cycles depend on a vector).
         Zhou et al. 2022, TileGen (levels that repeat themselves). Karras et al. 2019 (noise at every level).
         Shi et al. 2016 (sub-pixel convolution). Zhang & Sennrich 2019 (root-mean-square norm).
 
@@ -187,6 +189,7 @@ class StationaryMaterials(MaterialGenerator):
         fields: int = 16,
         least: int = 48,
         specular_channels: int = 1,
+        cycles: int = 0,
     ) -> None:
         widths = {"code_size": code_size, "places": places, "channels": channels, "sources": sources, "fields": fields}
         check_widths(type(self).__name__, **widths, least=least)
@@ -208,6 +211,7 @@ class StationaryMaterials(MaterialGenerator):
         for branch, own in zip(self.branches.values(), shares(fields, len(self.branches)), strict=True):
             assert isinstance(branch, Pixelwise)
             branch.begin_with(own)
+        self.waves = Waves(hidden, fields, cycles) if cycles else None
 
     def forward(self, code: Tensor) -> Tensor:
         return self.synthesise(self.map_code(code))
@@ -253,4 +257,6 @@ class StationaryMaterials(MaterialGenerator):
             x = level(x, hidden, drawn)
         fields = F.pixel_shuffle(without_lattice(self.last(tiled(x, 1))), 2)
         fields = fields + F.conv2d(noise[-1], self.strength[:, :, None, None])
+        if self.waves is not None:
+            fields = fields + self.waves(hidden, places, fields.shape[-1], times)
         return self.maps(vector, {name: branch(fields, hidden) for name, branch in self.branches.items()})

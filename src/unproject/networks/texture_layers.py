@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -52,6 +54,52 @@ class Pixelwise(nn.Module):
 
     def forward(self, fields: Tensor, hidden: Tensor) -> Tensor:
         return self.last(F.leaky_relu(self.norm(self.mix(fields), hidden), 0.2)).contiguous()
+
+
+class Waves(nn.Module):
+    """Waves along x and y added to fields: a vector chooses their cycles, the map of places their phase.
+
+    Along each axis Σ_n p_n (cos, sin)(2π n (x - s)) of n = 1 to N cycles a side, with p the softmax of N + 1 linear
+    functions of the vector, the first for none, and s in sides: where the first channel of the map of places is
+    largest, as its slowest wave tells. A map that is shifted gives waves that are shifted as much.
+
+    What repeats itself at equal distances, such as ribs, dots or threads, needs a clock that is the same from edge to
+    edge, which convolutions of noise do not have.
+
+    Args:
+        hidden: length of the vector.
+        fields: C.
+        cycles: N.
+
+    References:
+        Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN.
+    """
+
+    def __init__(self, hidden: int, fields: int, cycles: int) -> None:
+        super().__init__()
+        self.choice = nn.Linear(hidden, 2 * (cycles + 1))
+        nn.init.normal_(self.choice.weight, std=3 * hidden**-0.5)
+        self.mix = nn.Conv2d(4, fields, 1, bias=False)
+        nn.init.normal_(self.mix.weight, std=0.3)
+
+    def forward(self, hidden: Tensor, places: Tensor, size: int, times: int = 1) -> Tensor:
+        """Return what is added to fields (B, C, size, size), of maps `times` as large as those of training."""
+        share = self.choice(hidden).float().view(len(hidden), 2, -1, 1).softmax(2)[:, :, 1:]
+        x = (torch.arange(size, device=hidden.device) + 0.5) / size
+        cycles = times * torch.arange(1, share.shape[2] + 1, device=hidden.device)
+        turn = 2 * math.pi * cycles[:, None] * (x - _crest(places)[:, :, None, None])
+        along = torch.stack([(share * wave).sum(2) for wave in (turn.cos(), turn.sin())], 2)
+        down, across = along[:, 0, :, :, None], along[:, 1, :, None]
+        both = [down.expand(-1, -1, -1, size), across.expand(-1, -1, size, -1)]
+        return self.mix(torch.cat(both, 1))
+
+
+def _crest(places: Tensor) -> Tensor:
+    """Return where the slowest wave of the first channel is largest, down and across, (B, 2), in sides."""
+    along = torch.stack([places[:, 0].mean(2), places[:, 0].mean(1)], 1)
+    turn = 2 * math.pi * torch.arange(along.shape[2], device=along.device) / along.shape[2]
+    cosine, sine = ((along * wave).sum(2) for wave in (turn.cos(), turn.sin()))
+    return torch.atan2(sine, cosine) / (2 * math.pi)
 
 
 class TilingLevel(nn.Module):

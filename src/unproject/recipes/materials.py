@@ -87,6 +87,7 @@ def materials(
     matching: float = 2.0,
     flips: bool = False,
     coloured_specular: bool = False,
+    waves: bool = True,
     **options: Unpack[Options],
 ) -> Recipe:
     """Materials from any mix of maps and photographs, for a laptop.
@@ -120,12 +121,13 @@ def materials(
             where the discriminators' loss has 1, at the start; it falls to a quarter. 0: none.
         flips: learn from mirror images too, of maps and of those photographs whose light allows it.
         coloured_specular: give the specular albedo three channels, as of gold and copper; steps take longer.
+        waves: give the generator waves along rows and columns, of which patterns that repeat themselves can be made.
         options: fields of `Recipe`.
     """
     options = {"batch": 8, "checkpoint_every": 250, **options}
     adam = Adam(rate, beta1=0.5, beta2=0.95, final=rate / 10)
-    # Nothing is given where nothing is coloured: runs of before there was the flag are described as they were.
-    colours = {"specular_channels": 3} if coloured_specular else {}
+    # Nothing is given where there are none: runs of before there were the flags are described as they were.
+    own = ({"specular_channels": 3} if coloured_specular else {}) | ({"cycles": size // 4} if waves else {})
     procedural = partial(procedural, coloured=True) if coloured_specular else procedural
     source = source_of(procedural, data, size, seed, coloured_specular)
     source = with_mirror_images(source) if flips else source
@@ -135,7 +137,7 @@ def materials(
     weights = Weights(photograph_weight, natural, penalty_scale)
     light = Light(probes, samples)
     return Recipe(
-        generator=partial(StationaryMaterials, size=size, channels=channels, **colours),
+        generator=partial(StationaryMaterials, size=size, channels=channels, **own),
         discriminator=partial(TextureDiscriminator, channels=discriminator_channels),
         panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),

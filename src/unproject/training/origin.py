@@ -127,6 +127,8 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
         terms = json.dumps(resolved.get("regulariser"))
         flags = ("rectilinear", "varied", "axisymmetric")
         older |= {flag: 0.0 for flag in flags if flag.capitalize() not in terms}
+    if "StationaryMaterials" in (generator := json.dumps(resolved.get("generator"))) and "cycles" not in generator:
+        older["waves"] = False
     return older
 
 
