@@ -1210,6 +1210,13 @@ NETWORKS = (
         "networks/test_materials.py",
     ),
     mutant(
+        "waves: shorter ones than two pixels are made",
+        "networks/materials.py",
+        "if not 0 <= cycles <= size // 2:",
+        "if not 0 <= cycles <= size:",
+        "networks/test_materials.py::test_waves_of_less_than_two_pixels_are_refused",
+    ),
+    mutant(
         "waves: longer in larger maps",
         "networks/texture_layers.py",
         "cycles = times * torch.arange(1,",

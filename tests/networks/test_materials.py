@@ -182,6 +182,13 @@ def test_no_waves_can_be_chosen_and_every_choice_learns() -> None:
         )
 
 
+@pytest.mark.parametrize("cycles", [-1, 9])
+def test_waves_of_less_than_two_pixels_are_refused(cycles: int) -> None:
+    with pytest.raises(UserError, match=f"cycles={cycles}: give 0 to 8"):
+        StationaryMaterials(size=16, channels=16, least=8, cycles=cycles)
+    assert StationaryMaterials(size=16, channels=16, least=8, cycles=8).sample(1).isfinite().all()
+
+
 def test_waves_begin_anywhere_with_equal_chance() -> None:
     """Where their phase is that of the map of places, which is drawn from a normal distribution."""
     places = torch.randn(4000, 1, 4, 4, generator=generator_at(1))

@@ -163,7 +163,7 @@ class StationaryMaterials(MaterialGenerator):
         fields: channels at full size.
         least: see `channels`.
         specular_channels: 1, or 3 for a coloured specular albedo.
-        cycles: of the shortest wave that is added to the fields, a side (default: no waves).
+        cycles: of the shortest wave that is added to the fields, a side, at most half of `size` (default: no waves).
 
     References:
         Bergmann et al. 2017, Learning texture manifolds with the periodic spatial GAN (a map of noise to start from,
@@ -211,6 +211,8 @@ class StationaryMaterials(MaterialGenerator):
         for branch, own in zip(self.branches.values(), shares(fields, len(self.branches)), strict=True):
             assert isinstance(branch, Pixelwise)
             branch.begin_with(own)
+        if not 0 <= cycles <= size // 2:
+            raise UserError(f"{type(self).__name__}: cycles={cycles}: give 0 to {size // 2}, half of the pixels a side")
         self.waves = Waves(hidden, fields, cycles) if cycles else None
 
     def forward(self, code: Tensor) -> Tensor:

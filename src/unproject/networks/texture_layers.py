@@ -63,8 +63,8 @@ class Waves(nn.Module):
     functions of the vector, the first for none, and s in sides: where the first channel of the map of places is
     largest, as its slowest wave tells. A map that is shifted gives waves that are shifted as much.
 
-    What repeats itself at equal distances, such as ribs, dots or threads, needs a clock that is the same from edge to
-    edge, which convolutions of noise do not have.
+    Patterns of equal distances, such as ribs or threads, need a signal that is periodic from edge to edge; convolutions
+    of noise have none.
 
     Args:
         hidden: length of the vector.
