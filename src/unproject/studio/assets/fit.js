@@ -65,9 +65,9 @@ function fits(root, query) {
   function begin(fit) {
     if (shown && shown !== fit) ask("/api/stop", { fit: shown }, { method: "POST", body: "" }).catch(() => {}); // nobody looks at it any more
     [shown, chosen] = [fit, 0];
-    intro.hidden = true;
+    intro.hidden = found.hidden = true;
+    [note.textContent, bar.value] = ["", 0]; // not what was said of the fit before
     keep({ fit });
-    found.hidden = true;
     if (drawing) drawing.close();
     stage.replaceChildren();
     drawing = stageView(stage, query);
