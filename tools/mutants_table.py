@@ -4077,6 +4077,20 @@ SIZES = (
         "cli/test_results.py::test_samples_that_do_not_fit_into_memory",
     ),
     mutant(
+        "lengths: those of a mean",
+        "ops/lengths.py",
+        ".sum(dim, keepdim=True)",
+        ".mean(dim, keepdim=True)",
+        "ops/test_lengths.py",
+    ),
+    mutant(
+        "lengths: a vector of zeros is divided by zero",
+        "ops/lengths.py",
+        ".clamp_min(LEAST**2)",
+        "",
+        "ops/test_lengths.py",
+    ),
+    mutant(
         "layout: volumes are repeated in turn",
         "ops/layout.py",
         ".repeat_interleave(times, 0)",

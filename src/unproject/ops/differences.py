@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from .lengths import length
 from .microfacet import LEAST_ROUGHNESS
 
 DELTA = 1e-3
@@ -59,8 +60,8 @@ def _by_roughness(maps: Tensor, along: Callable[[Tensor, Tensor], Tensor]) -> Te
 
 def _by_normal(maps: Tensor, along: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
     result = torch.zeros_like(maps[:, 5:])
-    length = maps[:, 5:].norm(dim=1, keepdim=True)
-    normal = maps[:, 5:] / length
+    far = length(maps[:, 5:], 1)
+    normal = maps[:, 5:] / far
     theta, phi = normal[:, 2:].clamp(-1, 1).acos(), torch.atan2(normal[:, 1:2], normal[:, :1])
     for d_theta, d_phi in ((DELTA, 0.0), (0.0, DELTA)):
         above, below = maps.clone(), maps.clone()
@@ -68,7 +69,7 @@ def _by_normal(maps: Tensor, along: Callable[[Tensor, Tensor], Tensor]) -> Tenso
         step = above[:, 5:] - below[:, 5:]
         # The difference along the step, in the direction of the step; 0 / 0 at the pole is 0.
         result += along(above, below) * step / step.square().sum(1, keepdim=True).clamp(min=EPSILON)
-    return result / length  # shading is of n / |n|
+    return result / far  # shading is of n / |n|
 
 
 def _spherical(theta: Tensor, phi: Tensor) -> Tensor:

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from typing import Literal, TypeAlias
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
+from .lengths import length, unit
 
 MapName: TypeAlias = Literal["diffuse", "specular", "roughness", "normal"]
 CHANNELS, COLOURED = 8, 10
@@ -84,7 +84,7 @@ def slopes_of(height: Tensor) -> tuple[Tensor, Tensor]:
 def normals_of(height: Tensor) -> Tensor:
     """Return unit normals (-h_x, -h_y, 1) / |…|, (B, 3, H, W), of a periodic height (B, H, W) in texels."""
     h_x, h_y = slopes_of(height)
-    return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
+    return unit(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), 1)
 
 
 def pack_maps(maps: Mapping[str, Tensor]) -> Tensor:
@@ -153,7 +153,7 @@ def check_maps(x: Tensor, source: str = "maps") -> Tensor:
         if name == "roughness" and value.min() <= 0:
             raise UserError(f"{source}: roughness is {value.min():.3g} somewhere; give positive values, 0.001 or more")
     normal = maps["normal"]
-    off = (normal.norm(dim=1) - 1).abs().max()
+    off = (length(normal, 1) - 1).abs().max()
     if off > UNIT:
         raise UserError(
             f"{source}: normals are not of unit length (off by {off:.3g}); give components in [-1, 1], x right, y up, "

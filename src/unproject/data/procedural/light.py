@@ -24,6 +24,7 @@ from torch import Tensor
 
 from ..._types import UserError
 from ...ops.environment import solid_angles
+from ...ops.lengths import length
 from ..readers.probes import directions, resample_probe
 
 FINEST = 256  # rows at least on which the formulas are evaluated
@@ -209,7 +210,7 @@ def toward(polar: float, azimuth: float) -> Tensor:
 
 def lamp(d: Tensor, place: Tensor, degrees: float) -> Tensor:
     """(H, W) coverage of a disc with this angular radius about a direction; its rim takes a third of the radius."""
-    angle = torch.rad2deg(2 * torch.asin(((d - place[:, None, None]).norm(dim=0) / 2).clamp(max=1)))
+    angle = torch.rad2deg(2 * torch.asin((length(d - place[:, None, None], 0)[0] / 2).clamp(max=1)))
     return _step((degrees * 7 / 6 - angle) / (degrees / 3))
 
 

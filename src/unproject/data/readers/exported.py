@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from ..._files import read_json, understood
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
+from ...ops.lengths import unit
 from ...ops.maps import luminance
 from .texture_maps import COLOURED, SMOOTHEST
 
@@ -67,7 +67,7 @@ def exported_maps(folder: Path, note: dict[str, Any], tinted: bool) -> dict[str,
 def _outward(normal: Tensor) -> Tensor:
     """Unit normals: half floats round a least z to 0."""
     x, y, z = normal
-    return F.normalize(torch.stack([x, y, torch.where(z > -ROUNDING, z.clamp(min=ROUNDING), z)]), dim=0)
+    return unit(torch.stack([x, y, torch.where(z > -ROUNDING, z.clamp(min=ROUNDING), z)]), 0)
 
 
 def _decoded(file: Path, about: dict[str, Any], channels: tuple[int, ...]) -> Tensor:

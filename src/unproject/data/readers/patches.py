@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ..._random import generator_at
 from ..._types import UserError
+from ...ops.lengths import length
 from ...ops.maps import check_maps, places, unpack_maps
 from .found import MAX_SIDE
 
@@ -85,5 +86,5 @@ def _patch(source: Tensor, side: Tensor, drawn: Tensor, size: int, turn: float) 
     normal = seen[:, places(seen.shape[1])["normal"]]
     normal[:, :2] = torch.einsum("ji,bjhw->bihw", axes, normal[:, :2])
     normal[:, 2].clamp_(min=1e-3)
-    normal /= normal.norm(dim=1, keepdim=True)
+    normal /= length(normal, 1)
     return seen

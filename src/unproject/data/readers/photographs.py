@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from ..._pictures import OVERSHOOT, read_stored
 from ..._types import UserError
 from ...ops.exposure import develop, linear_from_srgb
+from ...ops.lengths import unit
 from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
@@ -98,4 +98,4 @@ def _normals(file: Path, values: Tensor) -> Tensor:
     if normal[2].mean() < 0.2:
         raise UserError(f"{file}: is no normal map; give ½ + ½ n with z in blue, flat being (½, ½, 1)")
     normal[2].clamp_(min=0.05)
-    return F.normalize(normal, dim=0)
+    return unit(normal, 0)

@@ -15,6 +15,7 @@ from torch import Tensor
 from ..._pictures import OVERSHOOT, Picture, read_stored
 from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
+from ...ops.lengths import length, unit
 from ...ops.maps import luminance, normals_of, slopes_of
 from .texture_names import Textures
 
@@ -107,7 +108,7 @@ def maps_of(
         "diffuse": colour * (1 - metallic),
         "specular": f0 if tinted else luminance(f0),
         "roughness": rough.clamp(min=SMOOTHEST),
-        "normal": F.normalize(_at(size, _normal(textures, pictures, flat)), dim=0),
+        "normal": unit(_at(size, _normal(textures, pictures, flat)), 0),
     }
     return {name: value[None] for name, value in maps.items()}
 
@@ -177,14 +178,14 @@ def _decoded(file: Path, picture: Picture, down: bool) -> Tensor:
     and y alone show them.
     """
     x, y, z = 2 * _channels(file, picture) - 1
-    inward, length = (z <= 0).float().mean(), torch.stack([x, y, z]).norm(dim=0).median()
-    if inward > INWARD or not SHORTEST < length < LONGEST:
+    inward, typical = (z <= 0).float().mean(), length(torch.stack([x, y, z]), 0).median()
+    if inward > INWARD or not SHORTEST < typical < LONGEST:
         raise UserError(
             f"{file}: is no normal map ({100 * inward:.0f} % of its normals point inward, their median length is "
-            f"{length:.2f}); give ½ + ½ n with z in blue, flat being (½, ½, 1)"
+            f"{typical:.2f}); give ½ + ½ n with z in blue, flat being (½, ½, 1)"
         )
     outward = torch.where(z > 0, z, (1 - x**2 - y**2).clamp(min=0).sqrt())
-    return F.normalize(torch.stack([x, -y if down else y, outward.clamp(min=STEEPEST)]), dim=0)
+    return unit(torch.stack([x, -y if down else y, outward.clamp(min=STEEPEST)]), 0)
 
 
 def normals_from_height(h: Tensor) -> Tensor:

@@ -25,11 +25,11 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from ..._files import paths_below
 from ..._types import UserError
+from ...ops.lengths import unit
 from ...ops.maps import MAPS, check_maps, pack_maps, places
 from .arrays import load_arrays
 from .exported import exported_maps, exported_note
@@ -201,4 +201,4 @@ def _resized(maps: Tensor, size: int | None) -> Tensor:
         return maps
     maps = centred_square(maps, size)
     place = places(maps.shape[1])["normal"]
-    return torch.cat([maps[:, : place.start], F.normalize(maps[:, place], dim=1)], 1)
+    return torch.cat([maps[:, : place.start], unit(maps[:, place], 1)], 1)

@@ -29,11 +29,11 @@ from __future__ import annotations
 import math
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from ...._types import UserError
 from ....ops.exposure import linear_from_srgb
+from ....ops.lengths import unit
 from ....ops.maps import luminance, pack_maps, unpack_maps, with_specular
 from ..span import Span
 from .noise import FINEST, Chances, Draws
@@ -168,7 +168,7 @@ def _normals(height: Tensor) -> Tensor:
     f_x, f_y = _frequencies(size)
     c = torch.fft.rfft2(height)
     h_x, h_y = (torch.fft.irfft2(2j * math.pi * f * c, s=(size, size)) for f in (f_x, f_y))
-    return F.normalize(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), dim=1)
+    return unit(torch.stack([-h_x, -h_y, torch.ones_like(h_x)], 1), 1)
 
 
 def _height(n: Tensor) -> Tensor:
