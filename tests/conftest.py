@@ -5,12 +5,18 @@ from __future__ import annotations
 
 import gc
 import random
+import sys
 from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from hypothesis import settings
+
+sys.path.append(str(Path(__file__).parent))
+
+from forked import ForkedPython  # noqa: E402
 
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
@@ -28,6 +34,15 @@ def few_estimates(request: pytest.FixtureRequest) -> Iterator[None]:
         if request.path.name not in ESTIMATED:
             patch.setattr("unproject.cli.train._estimate", lambda recipe, device: None)
         yield
+
+
+@pytest.fixture
+def forked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes of this Python that are started are copies of this one."""
+    if sys.platform == "linux":
+        monkeypatch.setattr("subprocess.Popen", ForkedPython)
+        handler = "torch.distributed.elastic.multiprocessing.subprocess_handler.subprocess_handler"
+        monkeypatch.setattr(f"{handler}.Popen", ForkedPython)
 
 
 @pytest.hookimpl(trylast=True)

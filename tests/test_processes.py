@@ -58,8 +58,9 @@ def steps(out: Path) -> list[int]:
 
 @pytest.mark.slow
 def test_the_command_trains_in_two_processes_and_goes_on_in_three(
-    tmp_path: Path, agent: None, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, agent: None, capfd: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ) -> None:
+    """In two that are new, and in three that are forked."""
     out = tmp_path / "run"
     assert main(["train", TOY, "--steps", "4", "--quiet", "--out", str(out), "--processes=2"]) == 0
     assert load(out, trust=True).step == 4
@@ -69,12 +70,13 @@ def test_the_command_trains_in_two_processes_and_goes_on_in_three(
         "checkpoints", "environment.json", "recipe.json", "report.html", "samples", "stats.jsonl", "verdict.json"
     ]  # fmt: skip
     assert capfd.readouterr().out.count("4 steps") == 1
+    request.getfixturevalue("forked")
     assert main(["resume", str(out), "--steps", "6", "--trust", "--quiet", "--processes", "3"]) == 0
     assert load(out, trust=True).step == 6
 
 
 @pytest.mark.slow
-def test_processes_agree_average_and_stay_equal(tmp_path: Path) -> None:
+def test_processes_agree_average_and_stay_equal(tmp_path: Path, forked: None) -> None:
     script("averaging.py", tmp_path)
     a, b = (json.loads((tmp_path / f"rank-{rank}.json").read_text()) for rank in (0, 1))
     assert a["difference"] <= 1e-5 and b["difference"] <= 1e-5 and a["size"] > 1e-3
@@ -101,7 +103,7 @@ def differences(folder: Path, other: Path) -> dict[str, float]:
 
 
 @pytest.mark.slow
-def test_two_batches_of_b_are_one_of_2b(tmp_path: Path) -> None:
+def test_two_batches_of_b_are_one_of_2b(tmp_path: Path, forked: None) -> None:
     """The law, and the mutant that draws in each process alone."""
     script("equal_batches.py", tmp_path)
     equal, broken = (differences(tmp_path / "whole", tmp_path / name) for name in ("halves", "mutant"))
@@ -110,7 +112,9 @@ def test_two_batches_of_b_are_one_of_2b(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_two(tmp_path: Path, agent: None) -> None:
+def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_two(
+    tmp_path: Path, agent: None, forked: None
+) -> None:
     killed, words = tmp_path / "killed", ["--steps", "400", "--checkpoint-every", "2", "--quiet"]
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     command = [*torchrun, "-m", "unproject", "train", TOY, *words, "--out", str(killed)]
@@ -131,7 +135,7 @@ def test_a_run_of_two_processes_that_was_killed_goes_on_in_one_and_in_two(tmp_pa
 
 
 @pytest.mark.slow
-def test_processes_save_and_leave_when_the_one_that_started_them_is_killed(tmp_path: Path) -> None:
+def test_processes_save_and_leave_when_the_one_that_started_them_is_killed(tmp_path: Path, forked: None) -> None:
     run = tmp_path / "run"
     words = ["--steps", "100000000", "--quiet", "--out", str(run), "--processes", "2"]
     command = [sys.executable, "-m", "unproject", "train", TOY, *words]
@@ -148,7 +152,7 @@ def test_processes_save_and_leave_when_the_one_that_started_them_is_killed(tmp_p
     assert len(ranks) == 2 and not any(map(alive, ranks)) and load(run, trust=True).step > 0
 
 
-def test_a_child_of_a_killed_reproduction_stops(tmp_path: Path) -> None:
+def test_a_child_of_a_killed_reproduction_stops(tmp_path: Path, forked: None) -> None:
     """As by SIGTERM: it leaves a checkpoint, and can be resumed."""
     words = [
         sys.executable,
@@ -223,6 +227,7 @@ def fails(*, how: str = "", steps: int = 4) -> Recipe:
 def test_one_process_that_fails_ends_all_with_one_line(
     tmp_path: Path,
     agent: None,
+    forked: None,
     how: str,
     line: str,
     status: int,

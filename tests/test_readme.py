@@ -7,6 +7,7 @@ import shlex
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -15,6 +16,7 @@ from torch.distributed.run import main as torchrun
 
 from unproject.cli import main
 from unproject.data import chairs, observe
+from unproject.inversion.fitter import VIEW_STEPS
 from unproject.projections.silhouette import azimuth_bins
 from unproject.studio import Studio
 from unproject.training.checkpoint import FORMAT
@@ -54,6 +56,11 @@ def masks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     # Reports and previews have tests of their own, and take longer than two steps.
     monkeypatch.setattr("unproject.cli._report.leave_report", lambda run, quiet: None)
     monkeypatch.setattr("unproject.domains.Volumes.preview", lambda self, x: Image.new("L", (1, 1)))
+    # So do surfaces that are shaded from all around, and steps towards a view.
+    monkeypatch.setattr(
+        "unproject.export.pictures.render", lambda shape, a, e, size, _: np.zeros((size, size, 3), "u1")
+    )
+    monkeypatch.setattr("unproject.inversion.fitter.VIEW_STEPS", VIEW_STEPS[::4])
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     folder = tmp_path / "my_masks"
     folder.mkdir()
@@ -162,7 +169,7 @@ def run_processes(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_commands_of_a_page_run(masks: Path, page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_of_a_page_run(masks: Path, page: str, monkeypatch: pytest.MonkeyPatch, forked: None) -> None:
     """In their order, each with what those before it have left; what --out names is there afterwards."""
     tried = [command for command in commands(page) if not command.startswith(ELSEWHERE)]
     assert PAGES[page] <= {verb_of(command) for command in tried}

@@ -276,7 +276,7 @@ def recipe(*, seed: int = 0):
 """
 
 
-def test_a_signal_ends_the_preparation_of_data(tmp_path: Path) -> None:
+def test_a_signal_ends_the_preparation_of_data(tmp_path: Path, forked: None) -> None:
     (tmp_path / "sleepy.py").write_text(SLEEPY)
     words = [sys.executable, "-m", "unproject", "train", f"{tmp_path}/sleepy.py:recipe", "--out", f"{tmp_path}/run"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:

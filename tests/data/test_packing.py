@@ -119,7 +119,9 @@ def test_a_part_is_written_whole_or_not_at_all(masks: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("seed", [0])
-def test_a_pack_that_was_killed_at_ten_instants_is_that_of_one_that_was_not(tmp_path: Path, seed: int) -> None:
+def test_a_pack_that_was_killed_at_ten_instants_is_that_of_one_that_was_not(
+    tmp_path: Path, seed: int, forked: None
+) -> None:
     folder = draw(tmp_path / "masks", 60)
     command = [sys.executable, str(Path(__file__).with_name("killed_packs.py"))]
     done = subprocess.run(

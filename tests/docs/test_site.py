@@ -68,7 +68,7 @@ def build(folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_the_site(tmp_path: Path) -> None:
+def test_the_site(tmp_path: Path, forked: None) -> None:
     """One test, so that the site is built once, whichever worker has it."""
     pytest.importorskip("sphinx", reason="Sphinx is not installed: pip install 'unproject[docs]'")
     site = build(tmp_path.resolve())

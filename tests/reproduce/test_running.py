@@ -66,7 +66,9 @@ def train_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.reproduce.running._Training._wait", wait)
 
 
-def test_a_figure_is_trained_kept_and_reported(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_figure_is_trained_kept_and_reported(
+    toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forked: None
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", "toy", "--parallel", "2", "--threads", "1", "--seeds", "1"]) == 0
     kept = tmp_path / "reproduction" / "cpu" / "results"
@@ -114,7 +116,7 @@ def test_without_training_a_run_that_is_not_finished_is_left_alone(
     assert settings.result(arm, 0).read()["steps"] == 2
 
 
-def test_a_training_that_fails_is_one_line(toy: None, tmp_path: Path) -> None:
+def test_a_training_that_fails_is_one_line(toy: None, tmp_path: Path, forked: None) -> None:
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
     with pytest.raises(UserError, match="bad-0: training stopped: .*views"):
         running.train_missing([(Arm("bad", "digits", "digits", "", {"views": "nonsense"}), 0)], settings)
@@ -132,7 +134,9 @@ def test_what_fails_does_not_stop_the_rest(
     assert (tmp_path / "out" / "toy.md").exists()
 
 
-def test_an_interrupted_training_is_no_result(toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_training_is_no_result(
+    toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forked: None
+) -> None:
     """Training that is asked to stop saves and leaves without an error."""
     settings = Settings(tmp_path / "runs", tmp_path / "kept", None, "cpu")
     monkeypatch.setattr(running, "flags_of", lambda arm, budget: SMALL | {"steps": 1})
@@ -179,7 +183,7 @@ running.train_missing([(Arm("long", "digits", "digits", ""), 0)], settings)
 """
 
 
-def test_a_reproduction_that_is_ended_ends_its_trainings(tmp_path: Path) -> None:
+def test_a_reproduction_that_is_ended_ends_its_trainings(tmp_path: Path, forked: None) -> None:
     log = tmp_path / "long-0" / "stats.jsonl"
     deadline = time.monotonic() + 60
     with subprocess.Popen([sys.executable, "-c", ENDLESS, str(tmp_path)], stdout=subprocess.PIPE) as parent:

@@ -270,7 +270,7 @@ server.serve({folder!r}, port=0)
 """
 
 
-def test_ctrl_c_ends_it_while_it_computes(runs: Path) -> None:
+def test_ctrl_c_ends_it_while_it_computes(runs: Path, forked: None) -> None:
     """Python would end around the thread that is within torch, which aborts the process."""
     done = subprocess.run(
         [sys.executable, "-c", BUSY.format(folder=str(runs))], capture_output=True, text=True, timeout=120

@@ -21,7 +21,6 @@ from torch import Tensor
 from torch.multiprocessing.reductions import StorageWeakRef
 from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_leaves
 
 from unproject.ops import band_statistics, pyramids
 from unproject.projections import rendering
@@ -43,6 +42,17 @@ OF_PROCESSOR = {"numpy", "data_ptr", "__array__"}
 
 class DeviceError(AssertionError):
     """What a GPU would have refused."""
+
+
+def tensors_in(value: Any) -> Iterator[Tensor]:
+    """The tensors of nested arguments or results; torch's own way through them takes most of the time here."""
+    if isinstance(value, Tensor):
+        yield value
+    elif isinstance(value, (tuple, list)):
+        for part in value:
+            yield from tensors_in(part)
+    elif isinstance(value, dict):
+        yield from tensors_in(list(value.values()))
 
 
 class Storages:
@@ -76,7 +86,7 @@ class Dispatch(TorchDispatchMode):
         self.there = there
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
-        tensors = [x for x in tree_leaves((args, kwargs)) if isinstance(x, Tensor)]
+        tensors = list(tensors_in((args, kwargs)))
         held = [self.there.hold(x) for x in tensors]
         name = func.__name__.split(".")[0]
         here = [x for x, on_device in zip(tensors, held, strict=True) if not on_device and x.dim() > 0]
@@ -87,9 +97,8 @@ class Dispatch(TorchDispatchMode):
             raise DeviceError(f"{name}: tensors on two devices, {shapes}")
         result = func(*args, **(kwargs or {}))
         if any(held) and name not in ACROSS or self.there.within and not tensors:
-            for x in tree_leaves(result):
-                if isinstance(x, Tensor):
-                    self.there.mark(x, True)
+            for x in tensors_in(result):
+                self.there.mark(x, True)
         return result
 
 
@@ -125,7 +134,7 @@ class Functions(TorchFunctionMode):
     def run(self, func: Any, *args: Any, **kwargs: Any) -> Any:
         """Call a function of torch that makes tensors where those that it is given are."""
         before = self.there.within
-        self.there.within = any(isinstance(x, Tensor) and self.there.hold(x) for x in tree_leaves((args, kwargs)))
+        self.there.within = any(map(self.there.hold, tensors_in((args, kwargs))))
         try:
             return func(*args, **kwargs)
         finally:
@@ -153,9 +162,8 @@ class Functions(TorchFunctionMode):
         return self.marked(moved.clone() if same else moved, there)
 
     def marked(self, made: Any, there: bool) -> Any:
-        for x in tree_leaves(made):
-            if isinstance(x, Tensor):
-                self.there.mark(x, there)
+        for x in tensors_in(made):
+            self.there.mark(x, there)
         return made
 
 

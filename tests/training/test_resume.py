@@ -69,7 +69,7 @@ def die() -> None:
 
 
 @pytest.mark.slow
-def test_ten_kills_with_sigkill(tmp_path: Path) -> None:
+def test_ten_kills_with_sigkill(tmp_path: Path, forked: None) -> None:
     script = Path(__file__).with_name("killing.py")
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(
@@ -248,7 +248,7 @@ with locked(Path(sys.argv[1])):
 
 
 @pytest.mark.skipif(lock.fcntl is None, reason="no locks on this system")
-def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path) -> None:
+def test_a_run_is_trained_by_one_process_at_a_time(tmp_path: Path, forked: None) -> None:
     train(toy(steps=2), tmp_path, quiet=True)
     with subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None and other.stdout.readline() == "held\n"

@@ -42,7 +42,9 @@ print(up.load("run", trust=True).step)
 """
 
 
-def test_a_run_of_a_script_is_opened_by_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_of_a_script_is_opened_by_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forked: None
+) -> None:
     script = tmp_path / "mine.py"
     script.write_text(SCRIPT)
     ran = subprocess.run([sys.executable, "mine.py"], cwd=tmp_path, capture_output=True, text=True, check=False)

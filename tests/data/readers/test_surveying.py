@@ -75,7 +75,7 @@ list(surveying.items_of([Path("a")] * 64, read, False))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
-def test_workers_end_with_a_process_that_is_killed() -> None:
+def test_workers_end_with_a_process_that_is_killed(forked: None) -> None:
     with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         workers = [int(parent.stdout.readline()) for _ in range(2)]
