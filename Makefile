@@ -6,20 +6,22 @@ KILLS ?= 1000
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
+PIP := $(BIN)/python -m pip install -qq --no-compile --disable-pip-version-check -c constraints.txt
 
 .PHONY: install demo test lint format pytest bench docs docs-links campaign dist clean
 .DEFAULT_GOAL := install
 
 install: $(STAMP)
 
-# torch first and pinned: a bare range would bring the newest build for GPUs, several gigabytes of it.
+# torch first and pinned: a bare range would bring the newest build for GPUs, several gigabytes of it. Bytecode is made
+# afterwards, on all cores, of what is imported.
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "unproject: the pinned environment needs Python 3.11 or newer, this is %d.%d: make install PYTHON=python3.11" % v or 0)'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo 'Installing into $(VENV): torch, then the rest; some minutes the first time.'
 	$(PIP) torch==2.13.0
 	$(PIP) -e '.[dev]'
+	@$(BIN)/python -m compileall -qq -j 0 -x '/(tests?|testing|_vendor|pip|setuptools)/' $(VENV)/lib || true
 	@touch $@
 
 demo: install

@@ -1,7 +1,7 @@
 """Lengths of vectors whose components are planes, such as normals (B, 3, H, W).
 
-`torch.linalg.vector_norm` and `F.normalize` take some forty to eighty times as long on a CPU where the components are
-not the last axis. The values are the same but for rounding.
+`torch.linalg.vector_norm` and `F.normalize` take ten to seventy times as long on a CPU where the components are not the
+last axis. The values are the same but for rounding.
 """
 
 from __future__ import annotations
