@@ -20,8 +20,9 @@ from unproject.assignment import PredictorFit
 from unproject.cli import main
 from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
+from unproject.recipes import find
 from unproject.training import Recipe, Tries, checkpoint, resume, train
-from unproject.training.start import differing_settings, start_from
+from unproject.training.start import differing_settings, settings_of_one, start_from
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
 
@@ -182,7 +183,10 @@ UNNAMED = partial(LowRankGenerator, size=16, channels=8, rank=4)  # another code
             toy(steps=1).replace(generator=Layer),
             "its generator is unproject.networks.*LowRank.*, and this recipe's toy",
         ),
-        (toy(steps=1).replace(generator=UNNAMED), r"weight .* is \(.*\) there, and \(.*\) in this recipe; give"),
+        (
+            toy(steps=1).replace(generator=UNNAMED),
+            r"weight .* is \(.*\) there, and \(.*\) in this.*; only that run has code_size=8;",
+        ),
     ],
     ids=["settings", "class", "default"],
 )
@@ -246,8 +250,16 @@ def test_checkpoints_from_before_the_count_are_read(old: Path) -> None:
     assert state.counters.averaged == 0 and state.counters.step == 4
 
 
+def test_waves_that_the_other_run_has_not_are_named(tmp_path: Path) -> None:
+    small = {"size": 16, "channels": 8, "maps": 4, "renderings": 2, "discriminator_channels": 4, "steps": 1, "batch": 2}
+    old = train(find("wood")(**small, waves=False), tmp_path / "old", quiet=True).path
+    with pytest.raises(UserError, match=r"weight waves\S* is missing there.*; only this recipe has cycles=4;"):
+        start_from(State(find("wood")(**small), CPU), old)
+
+
 @pytest.mark.parametrize("arguments", [0.5, None, [], "size"])
 def test_a_damaged_description_has_no_settings(arguments: object) -> None:
     ours = {"call": "a:B", "arguments": {"size": 16}}
     assert differing_settings({"call": "a:B", "arguments": arguments}, ours) == ""
+    assert settings_of_one({"call": "a:B", "arguments": arguments}, ours) == "; only this recipe has size=16"
     assert "size=8" in differing_settings({"call": "a:B", "arguments": {"size": 8}}, ours)

@@ -34,10 +34,11 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     stored = read_recipe(path)
     newest = checkpoint.newest(path / "checkpoints")
     tensors = checkpoint.load(newest)
-    ours = json.loads(json.dumps(describe(state.recipe.generator)))
-    difference = differing_settings(stored["resolved"].get("generator"), ours)
+    theirs, ours = stored["resolved"].get("generator"), json.loads(json.dumps(describe(state.recipe.generator)))
+    difference = differing_settings(theirs, ours)
     for part in ("generator", "average"):
-        difference = difference or differing_weights(stripped(tensors, part), state.generator)
+        if not difference and (difference := differing_weights(stripped(tensors, part), state.generator)):
+            difference += settings_of_one(theirs, ours)
     if difference:
         raise UserError(
             f"{path}: cannot start from it: {difference}; give the same settings, or train from new weights"
@@ -83,6 +84,16 @@ def differing_settings(theirs: Any, ours: Any) -> str:
         return ""
     there, here = (", ".join(f"{name}={part[name]}" for name in names) for part in (given, ours["arguments"]))
     return f"its generator has {there}, and this recipe's {here}"
+
+
+def settings_of_one(theirs: Any, ours: Any) -> str:
+    """Say which settings only one of both descriptions of a generator names; "" if none."""
+    there, here = (found if isinstance(found := of.get("arguments"), dict) else {} for of in (theirs, ours))
+    said = ""
+    for words, given, other in (("that run has", there, here), ("this recipe has", here, there)):
+        if names := [name for name in given if name not in other and name not in OF_SAMPLES]:
+            said += f"; only {words} " + ", ".join(f"{name}={given[name]}" for name in names)
+    return said
 
 
 def differing_weights(theirs: dict[str, Tensor], module: nn.Module) -> str:
