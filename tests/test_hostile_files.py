@@ -24,6 +24,7 @@ from PIL import Image
 
 from unproject._pictures import write_picture
 from unproject.cli import main
+from unproject.cli._machine import return_memory
 
 GIB = 2**30
 Line = Callable[..., str]
@@ -41,6 +42,7 @@ def in_child(argv: list[str], errors: Path, memory: int = GIB, seconds: float = 
                 os.dup2(stream.fileno(), 2)
             sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)
             sys.stdout = io.StringIO()
+            return_memory()  # from now on a large block is new, and none that this process has left free
             now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (now + memory, now + memory))
             torch.set_num_threads(1)  # threads that this process has begun do not survive a fork
