@@ -4,7 +4,7 @@
 
 Each arm trains a recipe of materials on one thread (`--matching`; the weight falls to a quarter) and compares 300
 samples with as many materials of the procedural data set that no training has seen. A line of JSON an arm is written to
-OUT/results.jsonl, an arm that is there is left out; OUT/DATA-WEIGHT-SEED.png shows eight samples, none chosen.
+OUT/results.jsonl, an arm that is there is left out; OUT/DATA-WEIGHT-EVERY-SEED.png shows eight samples, none chosen.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -24,31 +26,35 @@ from unproject.recipes.materials import PROCEDURAL
 
 UNSEEN = 2**40
 """Seed of the materials that samples are compared with."""
-KEY = ("data", "weight", "seed", "steps")
+KEY = ("data", "weight", "every", "seed", "steps")
 
 
-def run_arm(data: str, weight: float, seed: int, options: argparse.Namespace) -> dict[str, Any]:
+def run_arm(data: str, weight: float, every: int, seed: int, options: argparse.Namespace) -> dict[str, Any]:
     """Train, or go on with what is there, and score."""
-    place = options.out / "runs" / f"{data}-{weight:g}-{seed}"
+    name = f"{data}-{weight:g}-{every}-{seed}"
+    place = options.out / "runs" / name
     flags = {"size": options.size, "seed": seed, "steps": options.steps, "matching": weight}
     recipe = up.recipes.find(data)(**flags)
+    if recipe.matching is not None:
+        recipe = recipe.replace(matching=replace(recipe.matching, every=every))
     begun, began = (place / "recipe.json").exists(), time.process_time()
     run = finished(up.resume(place, quiet=True) if begun else up.train(recipe, place, quiet=True))
     seconds = time.process_time() - began
     x, truth = run.sample(options.n, seed=1), PROCEDURAL[data](options.n, options.size, UNSEEN)
-    run.domain.write_preview(x[:8], options.out / f"{data}-{weight:g}-{seed}.png")
+    run.domain.write_preview(x[:8], options.out / f"{name}.png")
     return {"cpu_seconds": round(seconds), **{k: score.value for k, score in material_scores(x, truth).items()}}
 
 
 def table(results: Sequence[dict[str, Any]]) -> str:
     """Return the results as a Markdown table."""
-    head = "| data | weight | seed | CPU s | patches: D, S, R, N | correlation error | precision | recall | coverage |"
-    lines = [head, "|---" * 9 + "|"]
+    head = "| data | weight | every | seed | CPU s | patches: D, S, R, N | correlation error "
+    head += "| precision | recall | coverage |"
+    lines = [head, "|---" * 10 + "|"]
     for r in results:
         patches = " ".join(f"{r[f'patch_{name}']:.3f}" for name in ("diffuse", "specular", "roughness", "normal"))
         shares = " | ".join(f"{r[name]:.2f}" for name in ("precision", "recall", "coverage"))
         lines.append(
-            f"| {r['data']} | {r['weight']:g} | {r['seed']} | {r['cpu_seconds']} | {patches} "
+            f"| {r['data']} | {r['weight']:g} | {r['every']} | {r['seed']} | {r['cpu_seconds']} | {patches} "
             f"| {r['correlation_error']:.3f} | {shares} |"
         )
     return "\n".join(lines)
@@ -59,6 +65,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--data", nargs="+", choices=tuple(PROCEDURAL), default=("wood", "correlated"))
     parser.add_argument("--weights", nargs="+", type=float, default=(0.0, 2.0))
+    parser.add_argument("--every", nargs="+", type=int, default=(2,), help="updates between two with the loss")
     parser.add_argument("--seeds", nargs="+", type=int, default=(0,))
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--size", type=int, default=64)
@@ -66,12 +73,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     torch.set_num_threads(1)
     results = Results(options.out / "results.jsonl", KEY)
-    for seed in options.seeds:
-        for data in options.data:
-            for weight in options.weights:
-                if not results.has(data, weight, seed, options.steps):
-                    arm = {"data": data, "weight": weight, "seed": seed, "steps": options.steps}
-                    results.add({**arm, **run_arm(data, weight, seed, options)})
+    for arm in product(options.data, options.weights, options.every, options.seeds):
+        if not results.has(*arm, options.steps):
+            results.add(dict(zip(KEY, (*arm, options.steps), strict=True)) | run_arm(*arm, options))
     print(table(results.rows))
 
 

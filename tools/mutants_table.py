@@ -721,6 +721,13 @@ LIGHT_AND_MAPS = (
         "training/test_checkpoint.py::test_a_file_that_may_not_be_read_is_not_called_damaged",
     ),
     mutant(
+        "cli: threads sleep as soon as they wait",
+        "cli/__init__.py",
+        'os.environ.setdefault("GOMP_SPINCOUNT", "20000")',
+        "pass",
+        "cli/test_main.py::test_threads_are_told_how_to_wait_before_there_are_any",
+    ),
+    mutant(
         "fit: settings of a failed fit stay",
         "cli/_fits.py",
         "settings.unlink()",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -70,6 +71,22 @@ def test_the_nearest_verb_is_suggested(capsys: pytest.CaptureFixture[str]) -> No
 def test_a_verb_unlike_any_other(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["--frobnicate"]) == 2
     assert "Perhaps" not in one_line(capsys)
+
+
+SAYS_HOW_THREADS_WAIT = """
+import os, sys
+from unproject import cli
+cli.main(["--help"])
+assert "torch" not in sys.modules, "its threads have read how to wait"
+print(os.environ["OMP_WAIT_POLICY"], os.environ["GOMP_SPINCOUNT"])
+"""
+
+
+@pytest.mark.parametrize("given, found", [({}, "PASSIVE 20000"), ({"GOMP_SPINCOUNT": "0"}, "PASSIVE 0")])
+def test_threads_are_told_how_to_wait_before_there_are_any(given: dict[str, str], found: str) -> None:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_"))}
+    done = subprocess.run([sys.executable, "-c", SAYS_HOW_THREADS_WAIT], env=clean | given, stdout=-1, check=True)
+    assert done.stdout.decode().splitlines()[-1] == found
 
 
 @pytest.mark.parametrize("returned, status", [(None, 0), (0, 0), (1, 1)])
