@@ -4128,9 +4128,16 @@ SIZES = (
     mutant(
         "precision: processors without instructions for it compute in bfloat16",
         "recipes/precision.py",
-        'capabilities.get("avx512_bf16") or',
-        'capabilities.get("avx2") or',
+        'capabilities.get("avx512_bf16") and',
+        'capabilities.get("avx2") and',
         "recipes/test_precision.py::test_float32_elsewhere",
+    ),
+    mutant(
+        "precision: every processor with AVX-512 for bfloat16 is taken to be faster in it",
+        "recipes/precision.py",
+        " and not of_intel",
+        "",
+        "recipes/test_precision.py::test_intel_needs_amx",
     ),
     mutant(
         "size: direct training is at 64 voxels",

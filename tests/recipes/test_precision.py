@@ -22,7 +22,7 @@ def processor(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return what gives the processor its capabilities."""
     monkeypatch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 12)
 
-    def has(**capabilities: bool) -> None:
+    def has(**capabilities: bool | str) -> None:
         monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: capabilities, raising=False)
 
     return has
@@ -33,6 +33,13 @@ def test_bfloat16_where_the_processor_has_it(processor: Any, instructions: str) 
     processor(avx2=True, **{instructions: True})
     assert fast_precision() == shapes(**SMALL).precision == "bfloat16"
     assert shapes(**SMALL, precision="float32").precision == "float32"
+
+
+def test_intel_needs_amx(processor: Any) -> None:
+    processor(avx512_bf16=True, amx_bf16=False, cpu_name="Intel Xeon")
+    assert fast_precision() == "float32"
+    processor(avx512_bf16=True, amx_bf16=True, cpu_name="Intel Xeon")
+    assert fast_precision() == "bfloat16"
 
 
 def test_float32_elsewhere(processor: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,15 +11,18 @@ from .defaults import Function, with_default
 
 
 def fast_precision() -> Literal["float32", "bfloat16"]:
-    """Return bfloat16 if this processor has instructions for it, and no GPU takes its place, else float32.
+    """Return bfloat16 if this processor is faster in it, and no GPU takes its place, else float32.
 
     The processor decides rather than a measurement, which other programs disturb: the same command makes the same run.
-    On an H100 bfloat16 was slower (docs/scale.md).
+    With AVX-512 bfloat16 was faster on AMD's and slower on Intel's, whose fast instructions for it are AMX
+    (docs/results.md, "The cost of a step"); on an H100 it was slower (docs/scale.md).
     """
     if torch.cuda.is_available():
         return "float32"
     capabilities = getattr(torch.cpu, "get_capabilities", dict)()  # older PyTorch does not tell
-    return "bfloat16" if capabilities.get("avx512_bf16") or capabilities.get("amx_bf16") else "float32"
+    of_intel = "intel" in str(capabilities.get("cpu_name")).lower()
+    fast = capabilities.get("amx_bf16") or (capabilities.get("avx512_bf16") and not of_intel)
+    return "bfloat16" if fast else "float32"
 
 
 def in_fast_precision(
