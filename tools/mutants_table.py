@@ -1658,6 +1658,36 @@ ADVERSARIAL = (
 
 PARTS = (
     mutant(
+        "parts: empty gaps are joined too",
+        "ops/parts.py",
+        "for height in (level, low)]",
+        "for height in (level, -1)]",
+        "ops/test_parts.py::test_joined_parts_are_the_references",
+    ),
+    mutant(
+        "parts: what is beside the largest part alone is raised",
+        "ops/parts.py",
+        "np.intersect1d(near_largest, near_another)",
+        "near_largest",
+        "ops/test_parts.py::test_joined_parts_are_the_references",
+        "ops/test_parts.py::test_a_back_behind_a_soft_gap_stays_and_a_crumb_does_not",
+    ),
+    mutant(
+        "parts: what is near only the part just joined is not joined",
+        "ops/parts.py",
+        "            occupied |= bridges\n",
+        "            break\n",
+        "ops/test_parts.py::test_joined_parts_are_the_references",
+        "ops/test_parts.py::test_joining_once_is_enough_each_volume_alone_and_nothing_is_removed",
+    ),
+    mutant(
+        "parts: backs behind a soft gap are removed",
+        "domains/volumes.py",
+        "return largest_part(joined_parts(x.float()))",
+        "return largest_part(x.float())",
+        "domains/test_volumes.py::test_parts_that_nearly_touch_are_joined_before_others_are_removed",
+    ),
+    mutant(
         "parts: only faces connect",
         "ops/parts.py",
         "_CORNERS = np.ones((3, 3, 3))",

@@ -27,3 +27,11 @@ def test_an_exporter_of_ones_own_is_given_what_it_takes(tmp_path: Path) -> None:
     for part, count in ((True, 1), (False, 2)):
         Own().write(x, "ply", tmp_path / f"{part}", largest_part=part)
         assert trimesh.load(tmp_path / f"{part}" / "shape_00.ply", force="mesh").body_count == count
+
+
+def test_parts_that_nearly_touch_are_joined_before_others_are_removed() -> None:
+    x = torch.zeros(1, 10, 4, 4)
+    x[:, :3], x[:, 4:6], x[:, 9:] = 1, 1, 1
+    x[:, 3, 1, 1] = 0.4
+    whole = Volumes().largest_part(x)
+    assert whole[0, 4:6].sum() == 32 and whole[0, 3, 1, 1] > 0.5 and whole[0, 6:].sum() == 0

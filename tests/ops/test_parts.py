@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from unproject._types import UserError
-from unproject.ops import floating_parts, largest_part
+from unproject.ops import floating_parts, joined_parts, largest_part
 from unproject.ops.isosurface import isosurface
 from unproject.ops.parts import number_parts
 
@@ -93,7 +93,66 @@ def test_floating_parts_and_gaps_are_the_references(x: Tensor) -> None:
             assert gaps[v] == (not inside and distance(v, largest) + distance(v, others) <= 3)
 
 
+def joined(volume: Tensor, low: float = 0.1) -> Tensor:
+    """What `joined_parts` is to return: sets of soft voxels that touch two parts are raised, until there are none."""
+    volume = volume.clone()
+    while len(groups(above(volume), 1)) > 1:
+        largest, others = parts_of(volume)
+        near = [v for v in everywhere(volume) if v not in largest | others and volume[v] > low]
+        between = [v for v in near if distance(v, largest) + distance(v, others) <= 3]
+        bridges = [
+            group
+            for group in groups(between, 1)
+            if any(distance(v, largest) == 1 for v in group) and any(distance(v, others) == 1 for v in group)
+        ]
+        for v in set().union(*bridges):
+            volume[v] = 0.5 + 0.5 * volume[v]
+        if not bridges:
+            break
+    return volume
+
+
+@settings(deadline=None, max_examples=40)
+@given(volumes)
+def test_joined_parts_are_the_references(x: Tensor) -> None:
+    for volume, found in zip(x, joined_parts(x), strict=True):
+        assert torch.equal(found, joined(volume))
+
+
 # Laws
+
+
+@settings(deadline=None, max_examples=25)
+@given(volumes)
+def test_joining_once_is_enough_each_volume_alone_and_nothing_is_removed(x: Tensor) -> None:
+    found = joined_parts(x)
+    assert torch.equal(joined_parts(found), found)
+    assert torch.equal(torch.cat([joined_parts(volume[None]) for volume in x]), found)
+    assert torch.equal(joined_parts(x[0]), found[0])
+    assert ((found == x) | ((found > 0.5) & (x > 0.1) & (x <= 0.5))).all()
+    for before, after in zip(x, found, strict=True):
+        assert len(groups(above(after), 1)) <= len(groups(above(before), 1))
+
+
+def test_a_back_behind_a_soft_gap_stays_and_a_crumb_does_not() -> None:
+    chair = torch.zeros(12, 16, 12)
+    chair[2:10, 4:7, 2:10], chair[2:10, 9:15, 8:10] = 0.9, 0.8
+    chair[3, 7:9, 8], chair[8, 7:9, 8] = torch.tensor([0.4, 0.2]), torch.tensor([0.4, 0.05])  # one post, and a stump
+    chair[0, 15, 0] = 0.9
+    found = largest_part(joined_parts(chair))
+    assert (found[2:10, 9:15, 8:10] == 0.8).all() and found[0, 15, 0] == 0
+    assert found[3, 7, 8] == pytest.approx(0.7) and found[3, 8, 8] == pytest.approx(0.6)
+    assert found[8, 7, 8] == pytest.approx(0.4)
+    assert (largest_part(chair)[2:10, 9:15, 8:10] == 0).all()
+
+
+def test_an_empty_gap_is_not_joined_nor_one_of_three_voxels() -> None:
+    x = torch.zeros(1, 12, 3, 3)
+    x[0, :3], x[0, 5:7], x[0, 10:] = 1, 1, 1
+    assert torch.equal(joined_parts(x), x)
+    x[0, 7:10] = 0.4
+    assert torch.equal(joined_parts(x), x)
+    assert joined_parts(x > 0.5).dtype == torch.bool and torch.equal(joined_parts(x > 0.5), x > 0.5)
 
 
 @settings(deadline=None, max_examples=25)
@@ -170,6 +229,8 @@ def test_volumes_of_bits_stay_bits() -> None:
 def test_pictures_are_refused() -> None:
     with pytest.raises(UserError, match="holds no volumes"):
         largest_part(torch.zeros(4, 4))
+    with pytest.raises(UserError, match="holds no volumes"):
+        joined_parts(torch.zeros(4, 4))
 
 
 # Gaps

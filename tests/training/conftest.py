@@ -13,7 +13,7 @@ import torch
 sys.path.append(str(Path(__file__).parent))
 
 
-@pytest.fixture(autouse=True, scope="package")
+@pytest.fixture(autouse=True, scope="module")
 def one_thread() -> Iterator[None]:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -27,7 +27,7 @@ def log_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unproject.training.trainer.EVERY", 2)
 
 
-@pytest.fixture(autouse=True, scope="package")
+@pytest.fixture(autouse=True, scope="module")
 def small_previews() -> Iterator[None]:
     """Samples of networks that learned nothing are noise, whose surfaces take longer to draw than toys to train."""
     with pytest.MonkeyPatch.context() as patch:

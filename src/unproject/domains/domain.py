@@ -68,7 +68,7 @@ class Domain(ABC):
         return torch.zeros(len(x), dtype=torch.bool)
 
     def largest_part(self, x: Tensor) -> Tensor:
-        """Return samples without parts that float; those of a domain that has no parts as they are."""
+        """Return samples in one piece, without parts that float; those of a domain that has no parts as they are."""
         return x
 
     def bytes_at(self, size: int, n: int) -> int:
