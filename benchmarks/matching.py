@@ -73,7 +73,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     torch.set_num_threads(1)
     results = Results(options.out / "results.jsonl", KEY)
-    for arm in product(options.data, options.weights, options.every, options.seeds):
+    for seed, *what in product(options.seeds, options.data, options.weights, options.every):
+        arm = (*what, seed)
         if not results.has(*arm, options.steps):
             results.add(dict(zip(KEY, (*arm, options.steps), strict=True)) | run_arm(*arm, options))
     print(table(results.rows))

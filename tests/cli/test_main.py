@@ -85,8 +85,8 @@ print(os.environ["OMP_WAIT_POLICY"], os.environ["GOMP_SPINCOUNT"])
 @pytest.mark.parametrize("given, found", [({}, "PASSIVE 20000"), ({"GOMP_SPINCOUNT": "0"}, "PASSIVE 0")])
 def test_threads_are_told_how_to_wait_before_there_are_any(given: dict[str, str], found: str) -> None:
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_"))}
-    done = subprocess.run([sys.executable, "-c", SAYS_HOW_THREADS_WAIT], env=clean | given, stdout=-1, check=True)
-    assert done.stdout.decode().splitlines()[-1] == found
+    said = subprocess.check_output([sys.executable, "-c", SAYS_HOW_THREADS_WAIT], env=clean | given, text=True)
+    assert said.splitlines()[-1] == found
 
 
 @pytest.mark.parametrize("returned, status", [(None, 0), (0, 0), (1, 1)])

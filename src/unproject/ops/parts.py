@@ -84,7 +84,9 @@ def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.1) -> Tensor:
         while (bridges := _bridges(occupied, soft)).any():
             found |= bridges
             occupied |= bridges
-    return torch.where(raised.to(x.device), level + (1 - level) * x, x).to(x.dtype)
+    joined, raised = x.clone(), raised.to(x.device)
+    joined[raised] = (level + (1 - level) * x[raised]).to(x.dtype)
+    return joined
 
 
 def _bridges(occupied: np.ndarray, soft: np.ndarray) -> np.ndarray:

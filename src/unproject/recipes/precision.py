@@ -11,10 +11,10 @@ from .defaults import Function, with_default
 
 
 def fast_precision() -> Literal["float32", "bfloat16"]:
-    """Return bfloat16 if this processor is faster in it, and no GPU takes its place, else float32.
+    """Return bfloat16 if this processor is likely to be faster in it, and no GPU takes its place, else float32.
 
     The processor decides rather than a measurement, which other programs disturb: the same command makes the same run.
-    With AVX-512 bfloat16 was faster on AMD's and slower on Intel's, whose fast instructions for it are AMX
+    By AVX-512 bfloat16 was faster on an AMD EPYC and no faster on an Intel Xeon, whose fast instructions for it are AMX
     (docs/results.md, "The cost of a step"); on an H100 it was slower (docs/scale.md).
     """
     if torch.cuda.is_available():
