@@ -4901,9 +4901,9 @@ PHOTOGRAPHED = (
     ),
     mutant(
         "shapes: those in hidden folders are read",
-        "data/readers/shapes.py",
-        "[file for file in below if not is_hidden(file, folder)]",
-        "below",
+        "_files.py",
+        "if not is_hidden(path, folder) and is_file_or_broken_link(path)]",
+        "if is_file_or_broken_link(path)]",
         "data/readers/test_shapes.py::test_hidden_folders_are_left_out",
     ),
     mutant(

@@ -15,7 +15,7 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -194,6 +194,23 @@ def paths_below(folder: Path) -> list[Path]:
         folders[:] = [name for name in sorted(folders) if new(top, name)]
         found += [Path(top, name) for name in (*folders, *files)]
     return sorted(found)
+
+
+def files_with(folder: Path, suffixes: Sequence[str]) -> list[Path]:
+    """Return the files below a folder whose names end so, in small letters or others, sorted; none if it is no folder.
+
+    Hidden ones and those of hidden folders are left out.
+
+    Raises:
+        OSError: if a folder may not be read.
+    """
+    below = (path for path in paths_below(folder) if path.suffix.lower() in suffixes) if folder.is_dir() else ()
+    return [path for path in below if not is_hidden(path, folder) and is_file_or_broken_link(path)]
+
+
+def is_hidden(path: Path, folder: Path) -> bool:
+    """Whether a part of a path, below a folder, is hidden, or made by a system that hides it."""
+    return any(part.startswith((".", "__")) for part in path.relative_to(folder).parts)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from .._files import paths_below
+from .._files import files_with, paths_below
 from .._types import UserError
 from ..ops.maps import MAPS
 from .collection import Collection
@@ -18,7 +18,6 @@ from .readers.lights import (
     SUFFIXES,
     UNREAD,
     photographed,
-    picture_files,
     refuse_unsorted,
     showing,
     sub_folder,
@@ -127,7 +126,7 @@ def holds_materials(path: Path | str) -> bool:
     if not path.is_dir():
         return False
     if any(
-        picture_files(sub_folder(path, name) or path / name, (*SUFFIXES, *UNREAD))
+        files_with(sub_folder(path, name) or path / name, (*SUFFIXES, *UNREAD))
         for name in photographed(path)
         if name not in UNCLEAR
     ):

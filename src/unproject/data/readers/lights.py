@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ..._files import files_with
 from ..._objects import nearest
 from ..._types import UserError
 from ...ops.maps import MAPS
-from .pictures import SAVE, picture_files
+from .pictures import SAVE
 from .pictures import SUFFIXES as PICTURES
 from .pictures import UNREAD as NO_PICTURES
 from .texture_names import candidates
@@ -77,7 +78,7 @@ def unsorted(path: Path) -> dict[Path, str]:
     Those that have a sub-folder and are damaged are not among them.
     """
     found = {}
-    for file in picture_files(path, (*SUFFIXES, *UNREAD)):
+    for file in files_with(path, (*SUFFIXES, *UNREAD)):
         first, *below = file.relative_to(path).parts
         if file.suffix.lower() in UNREAD:
             found[file] = f"{file.suffix} is not read; {SAVE}"

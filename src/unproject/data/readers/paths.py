@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ..._files import paths_below
+from ..._files import files_with
 from ..._types import UserError
 from .arrays import read_arrays
 from .found import Found, check_size
 from .options import ReadOptions
-from .pictures import SAVE, UNREAD, is_hidden, read_pictures
+from .pictures import SAVE, UNREAD, read_pictures
 from .pictures import SUFFIXES as PICTURES
 from .shapes import SUFFIXES as SHAPES
 from .shapes import find_volumes, is_shape_archive, split_selector
@@ -46,10 +46,9 @@ def holds_shapes(path: Path) -> bool:
     Raises:
         UserError: if there are other pictures too.
     """
-    files = [file for file in paths_below(path) if not is_hidden(file, path)]
-    shapes = [file for file in files if file.suffix.lower() in SHAPES]
+    shapes = files_with(path, SHAPES)
     around = {shape.parent for shape in shapes} - {path}
-    pictures = [file for file in files if file.suffix.lower() in PICTURES and not around & set(file.parents)]
-    if shapes and pictures:
+    pictures = [file for file in files_with(path, PICTURES) if not around & set(file.parents)] if shapes else []
+    if pictures:
         raise UserError(f"{path}: holds shapes ({shapes[0]}) and pictures ({pictures[0]}); name a folder of one kind")
     return bool(shapes)

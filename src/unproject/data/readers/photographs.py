@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..._files import files_with
 from ..._pictures import OVERSHOOT, read_stored
 from ..._types import UserError
 from ...ops.exposure import develop, linear_from_srgb
@@ -20,7 +21,7 @@ from ...ops.lengths import unit
 from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
-from .lights import SAVE, SUFFIXES, UNREAD, picture_files, sub_folder
+from .lights import SAVE, SUFFIXES, UNREAD, sub_folder
 
 SMOOTHEST = 1e-3
 
@@ -35,8 +36,8 @@ def find_photographs(path: Path, name: str, size: int, strict: bool = False, col
         UserError: if there is no such sub-folder, no picture in it, or none that can be used.
     """
     folder = sub_folder(path, name) or path / name
-    files = picture_files(folder, SUFFIXES)
-    if not files and (unread := picture_files(folder, UNREAD)):
+    files = files_with(folder, SUFFIXES)
+    if not files and (unread := files_with(folder, UNREAD)):
         raise UserError(f"{folder}: holds no picture that can be read: {unread[0].suffix} is not, {SAVE}")
     if not files:
         raise UserError(f"{folder}: holds no picture; put some there, or leave {name} out of the observations")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..._files import is_file_or_broken_link, paths_below
+from ..._files import files_with
 from ..._pictures import UnusablePicture, read_displayed
 from ..._types import UserError
 from ..sampling import spread_rows
@@ -147,28 +147,16 @@ def found_of(path: Path, skipped: Sequence[tuple[str, str]], names: Sequence[str
     return Found(torch.from_numpy(items), names, latents, tuple(skipped), str(path), white)
 
 
-def picture_files(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
-    """The pictures in a folder and its subfolders, sorted; hidden files are no pictures."""
-    below = (file for file in paths_below(folder) if file.suffix.lower() in suffixes) if folder.is_dir() else ()
-    return [file for file in below if not is_hidden(file, folder) and is_file_or_broken_link(file)]
-
-
 def required_pictures(path: Path, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
-    """The pictures in a folder and its subfolders (`picture_files`). Raises UserError if there is none."""
+    """The pictures in a folder and its subfolders. Raises UserError if there is none."""
     if path.is_file():
         raise UserError(f"{path}: is a file; name a folder of pictures")
     if not path.is_dir():
         raise UserError(f"{path}: there is no such folder; check the path")
-    files = picture_files(path, suffixes)
+    files = files_with(path, suffixes)
     if not files:
         raise UserError(f"{path}: holds no picture; put {', '.join(s[1:] for s in SUFFIXES)} files there")
     return files
-
-
-def is_hidden(path: Path, folder: Path | None = None) -> bool:
-    """Whether a part of a path, below a folder, is hidden, or made by a system that hides it."""
-    below = path if folder is None else path.relative_to(folder)
-    return any(part.startswith((".", "__")) for part in below.parts)
 
 
 def unit_values(pixels: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..._files import is_file_or_broken_link, paths_below
+from ..._files import files_with
 from ..._pictures import read_stored
 from ..._types import UserError
 from ...ops.resampling import interval_shares
@@ -109,9 +109,7 @@ def _files(path: Path) -> dict[str, Path]:
     """Name → file, of a file or of a folder's probes; hidden files are none."""
     if not path.is_dir():
         return {path.name: path}
-    files = [file for file in paths_below(path) if file.suffix.lower() in SUFFIXES and is_file_or_broken_link(file)]
-    named = {file.relative_to(path).as_posix(): file for file in files}
-    named = {name: file for name, file in named.items() if not any(p.startswith(".") for p in Path(name).parts)}
+    named = {file.relative_to(path).as_posix(): file for file in files_with(path, SUFFIXES)}
     if not named:
         raise UserError(f"{path}: holds no light probe; put {', '.join(SUFFIXES)} files there, or name an .npz")
     return named

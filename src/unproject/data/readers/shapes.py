@@ -17,12 +17,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..._files import check_regular, check_unpacked, is_file_or_broken_link, paths_below
+from ..._files import check_regular, check_unpacked, files_with
 from ..._types import UserError
 from .arrays import EMPTY, checked_values, load_arrays, occupied, read_arrays, resized_volumes
 from .found import Found, to_floats, white_of
 from .options import ReadOptions
-from .pictures import is_hidden
 from .stored import shapes_of
 from .voxelise import normalised, triangles_of, voxelise
 
@@ -48,18 +47,12 @@ def find_volumes(
     """
     path, selector = split_selector(path)
     if path.is_dir():
-        files = shape_files(path)
+        files = files_with(path, SUFFIXES)
     elif path.suffix.lower() in SUFFIXES:
         files = [path]
     else:
         return _read_archive(path, selector, size, up_axis, classes, split, strict)
     return _read_files(path, files, size, up_axis or "y", strict)
-
-
-def shape_files(folder: Path) -> list[Path]:
-    """Return the shapes in a folder and below it, those that are hidden left out, sorted."""
-    below = [f for f in paths_below(folder) if f.suffix.lower() in SUFFIXES and is_file_or_broken_link(f)]
-    return [file for file in below if not is_hidden(file, folder)]
 
 
 def split_selector(path: Path) -> tuple[Path, str]:

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._files import check_regular
+from ..._files import check_regular, files_with
 from .arrays import PICTURES, VOLUMES
 from .lines import LINES, SINOGRAMS
 from .paths import holds_shapes
-from .pictures import SUFFIXES, picture_files
-from .shapes import is_shape_archive, shape_files, split_selector
+from .pictures import SUFFIXES
+from .shapes import is_shape_archive, split_selector
 from .stored import StoredArrays, header_of
 
 PACK = ("names", "skipped", "side")
@@ -75,7 +75,7 @@ def picture_count(path: str | os.PathLike[str]) -> int | None:
     """
     path = Path(path)
     if path.is_dir():
-        return None if holds_shapes(path) else len(picture_files(path))
+        return None if holds_shapes(path) else len(files_with(path, SUFFIXES))
     columns = _columns_of_pack(path)
     if columns is None:
         return None
@@ -85,8 +85,8 @@ def picture_count(path: str | os.PathLike[str]) -> int | None:
 
 def _of_folder(path: Path) -> int | None:
     if holds_shapes(path):
-        return _median([file for file in shape_files(path) if file.suffix.lower() == ".binvox"], _of_binvox)
-    return _median(picture_files(path), _of_picture)
+        return _median(files_with(path, (".binvox",)), _of_binvox)
+    return _median(files_with(path, SUFFIXES), _of_picture)
 
 
 def _median(files: Sequence[Path], side: Callable[[Path], int | None]) -> int | None:
