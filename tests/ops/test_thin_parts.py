@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from unproject.ops import level_of_thin_parts, with_level_at_half
+from unproject.ops import level_of_thin_parts, with_thin_parts
 
 FINE, SIDE = 320, 32
 
@@ -64,14 +64,25 @@ def test_empty_pictures_say_nothing() -> None:
 
 @pytest.mark.parametrize("level", [0.25, 0.3, 0.4])
 def test_the_level_becomes_one_half(level: float) -> None:
-    y = torch.linspace(0, 1, 101)
-    up = with_level_at_half(y, level)
-    assert up[0] == 0 and up[-1] == 1 and (up.diff() > 0).all() and (up >= y).all()
-    assert with_level_at_half(torch.tensor(level), level) == pytest.approx(0.5)
-    assert with_level_at_half(y, 0.5) is y
+    y = torch.zeros(102, 1, 3, 3)
+    y[:, 0, 1, 1] = torch.cat([torch.linspace(0, 1, 101), torch.tensor([level])])  # a dot each
+    *shown, half = with_thin_parts(y, level)[:, 0, 1, 1].tolist()
+    assert shown[0] == 0 and shown[-1] == 1 and shown == sorted(set(shown)) and half == pytest.approx(0.5)
+    assert with_thin_parts(y, 0.5) is y
+
+
+def test_thick_parts_stay_as_they_are() -> None:
+    """A disc with a soft rim, of 9 pixels; beside it a wire, which alone changes."""
+    grid = torch.arange(SIDE) - 10.0
+    disc = (5 - (grid[:, None].square() + grid.square()).sqrt()).clamp(0, 1)[None, None]
+    y = disc.clone()
+    y[..., 26] = 0.3
+    raised = with_thin_parts(y, 0.25)
+    assert torch.equal(raised[..., :24], disc[..., :24]) and (raised[..., 26] > 0.5).all()
+    assert (raised[..., 24:26] == 0).all() and (raised[..., 27:] == 0).all()
 
 
 @pytest.mark.parametrize("width", [0.8, 0.6])
 def test_such_pictures_show_their_thin_parts_at_one_half(width: float) -> None:
     y = stools(width)
-    assert level_of_thin_parts(with_level_at_half(y, level_of_thin_parts(y))) == 0.5
+    assert level_of_thin_parts(with_thin_parts(y, level_of_thin_parts(y))) == 0.5

@@ -13,7 +13,7 @@ from .parts import floating_parts, joined_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
-from .thin_parts import level_of_thin_parts, with_level_at_half
+from .thin_parts import level_of_thin_parts, with_thin_parts
 from .turning import turn_image
 
 __all__ = [
@@ -50,5 +50,5 @@ __all__ = [
     "turn_image",
     "unit_sized",
     "visual_hull",
-    "with_level_at_half",
+    "with_thin_parts",
 ]

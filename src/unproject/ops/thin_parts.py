@@ -1,11 +1,13 @@
-"""Thin parts of silhouettes: the level above which coarse pictures still show them."""
+"""Thin parts of silhouettes: the level above which coarse pictures still show them, and how they show them at ½."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+import torch
 from torch import Tensor
+from torch.nn.functional import max_pool2d
 
 from .parts import grown, number_parts
 
@@ -49,12 +51,30 @@ def _count(mask: np.ndarray) -> int:
     return len(number_parts(mask)[1]) - 1
 
 
-def with_level_at_half(silhouettes: Tensor, level: float) -> Tensor:
-    """Return y^(log ½ / log level): `level` becomes ½, 0 and 1 stay.
+def with_thin_parts(silhouettes: Tensor, level: float) -> Tensor:
+    """Return silhouettes (N, 1, H, W) whose thin parts have their level at one half, y ↦ y^(log ½ / log level).
+
+    Thin is what is at least `level` and not covered by squares of 3×3 pixels that all are (its morphological opening).
+    Thin parts and the eight neighbours of each pixel of them are raised; 0 and 1 stay. All else stays as it is: if rims
+    of thick parts were raised too, objects would be learned larger than they are.
 
     Examples:
         >>> import torch, unproject as up
-        >>> up.ops.with_level_at_half(torch.tensor([0.0, 0.25, 1.0]), 0.25)
-        tensor([0.0000, 0.5000, 1.0000])
+        >>> hammer = torch.zeros(1, 1, 6, 9)
+        >>> hammer[..., 1:4, 1:4], hammer[..., 2, 4:8], hammer[..., 4, 1:4] = 1, 0.25, 0.25  # head, handle, rim
+        >>> up.ops.with_thin_parts(hammer, 0.25)[0, 0, 2]
+        tensor([0.0000, 1.0000, 1.0000, 1.0000, 0.5000, 0.5000, 0.5000, 0.5000, 0.0000])
+        >>> up.ops.with_thin_parts(hammer, 0.25)[0, 0, 4]
+        tensor([0.0000, 0.2500, 0.2500, 0.2500, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000])
     """
-    return silhouettes if level == 0.5 else silhouettes.clamp(0, 1) ** (math.log(0.5) / math.log(level))
+    if level == 0.5:
+        return silhouettes
+    there = silhouettes >= level - ROUNDING
+    thick = _widened(~_widened(~there))
+    raised = silhouettes.clamp(0, 1) ** (math.log(0.5) / math.log(level))
+    return torch.where(_widened(there & ~thick), raised, silhouettes)
+
+
+def _widened(mask: Tensor) -> Tensor:
+    """Add the eight neighbours of each pixel; what is outside of the picture adds none."""
+    return max_pool2d(mask.float(), 3, stride=1, padding=1) > 0.5

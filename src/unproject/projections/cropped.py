@@ -16,7 +16,7 @@ from torch import Tensor
 
 from .._types import UserError
 from ..ops.framing import bounding_box, framed
-from ..ops.thin_parts import with_level_at_half
+from ..ops.thin_parts import with_thin_parts
 from .base import Projection
 from .silhouette import Silhouette, Window
 from .view import View, either
@@ -38,8 +38,8 @@ class Cropped(Projection):
         silhouette: P; its `size` is that of the result.
         height: of the objects that pictures are framed to (`prepare`), as a share of the frame. Objects that are wider
             than the frame are cut at its sides: made smaller, they would not have this height.
-        level: the share of a pixel that pictures are to cover for it to be inside: `prepare` raises it to ½, so that
-            parts thinner than a pixel stay in one piece (`ops.level_of_thin_parts`). Volumes cannot be thinner.
+        level: the share of a pixel that thin parts are to cover for it to be inside: `prepare` raises it to ½, so that
+            parts thinner than a pixel stay in one piece (`ops.with_thin_parts`). Volumes cannot be thinner.
 
     Raises:
         UserError: for no size, a fixed pinhole, a height that is not above 0 and at most 1, or a level that is not
@@ -118,4 +118,4 @@ class Cropped(Projection):
     def prepare(self, y: Tensor) -> Tensor:
         """Return silhouettes (N, 1, H, W) framed to the common height, with thin parts."""
         small = framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf)
-        return with_level_at_half(small, self.level)
+        return with_thin_parts(small, self.level)
