@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--data", nargs="+", choices=tuple(PROCEDURAL), default=("wood", "correlated"))
     parser.add_argument("--weights", nargs="+", type=float, default=(0.0, 2.0))
-    parser.add_argument("--every", nargs="+", type=int, default=(2,), help="updates between two with the loss")
+    parser.add_argument("--every", nargs="+", type=int, default=(3,), help="updates between two with the loss")
     parser.add_argument("--seeds", nargs="+", type=int, default=(0,))
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--size", type=int, default=64)

@@ -54,7 +54,7 @@ class Matching:
     weight: float = 2.0
     final: float = 0.5
     memory: float = 0.02
-    every: int = 2
+    every: int = 3
     alike: float | None = field(default=None, metadata={"described": "if given"})
 
     def __post_init__(self) -> None:
