@@ -262,7 +262,7 @@ def test_materials_with_and_without_matching_are_compared(
         named("matching").main(words)  # type: ignore[operator]
         lines = (tmp_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
         assert len(lines) == 2 and capsys.readouterr().out.count("| plastic |") == 2
-    assert (tmp_path / "plastic-2-2-0.png").is_file()
+    assert (tmp_path / "plastic-2-3-0.png").is_file()
 
 
 def test_wood_by_minutes_is_scored_as_in_the_figure(
