@@ -33,7 +33,8 @@ from torch import Tensor
 from torch.profiler import ProfilerActivity, profile
 
 from unproject._random import generator_at
-from unproject.ops.shading import Environment, Sampling
+from unproject.ops.lights import Environment
+from unproject.ops.shading import Sampling
 from unproject.ops.shading_native import shade_fast
 from unproject.projections.line_integral import LineIntegral
 from unproject.projections.silhouette import RULES, Silhouette

@@ -27,9 +27,10 @@ from unproject._random import generator_at
 from unproject.data import read_probe
 from unproject.ops import shading
 from unproject.ops.environment import look_up, prepare_environments
+from unproject.ops.lights import Environment
 from unproject.ops.microfacet import Reflection
 from unproject.ops.plane import to_camera, towards
-from unproject.ops.shading import Environment, Sampling, pixels_of, reflected, shade
+from unproject.ops.shading import Sampling, pixels_of, reflected, shade
 from unproject.ops.shading_native import shade_fast
 
 SIDE, BATCH, SAMPLES, REPEATS = 64, 8, 32, 5

@@ -301,13 +301,34 @@ MICROFACETS = (
     mutant(
         "microfacets: the base gets what the surface reflects",
         "ops/microfacet.py",
-        "return k_d * (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)[..., None]",
-        "return k_d.expand(*cos_o.shape, k_d.shape[-1])",
+        "return (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)",
+        "return torch.ones_like(cos_o)",
         "ops/test_microfacet.py::test_no_more_is_reflected_than_comes",
     ),
 )
 
 SHADING = (
+    mutant(
+        "lamps: the lobe has irradiance 1, not π",
+        "ops/shading_lamps.py",
+        "+ math.pi * lobe",
+        "+ lobe",
+        "ops/test_shading_lamps.py::test_radiance_and_gradients_are_those_of_the_reference",
+    ),
+    mutant(
+        "lamps: the slope of the half vector from its cosine",
+        "ops/shading_lamps.py",
+        "_dot(across, across) / cos_h",
+        "(1 - cos_h.square()).clamp(min=0) / cos_h",
+        "ops/test_shading_lamps.py::test_highlights_of_smooth_surfaces_survive_single_precision",
+    ),
+    mutant(
+        "lamps: normals have the length that they come with",
+        "ops/shading_lamps.py",
+        "n = normal / normal.square().sum(1, keepdim=True).clamp(min=EPSILON).sqrt()",
+        "n = normal / 1",
+        "ops/test_shading_lamps.py::test_radiance_and_gradients_are_those_of_the_reference",
+    ),
     mutant(
         "shading: directional light has irradiance 1, not π",
         "ops/shading.py",
@@ -947,8 +968,8 @@ PROJECTIONS = (
     mutant(
         "rendering: the green and the blue lamp change places",
         "projections/rendering.py",
-        "around[rows] + lamp * THIRD",
-        "around[rows] - lamp * THIRD",
+        "towards(light, around + k * THIRD)",
+        "towards(light, around - k * THIRD)",
         "projections/test_rendering.py::test_three_coloured_lamps_are_three_pictures_by_one_lamp",
     ),
     mutant(

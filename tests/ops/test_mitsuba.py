@@ -19,9 +19,10 @@ from torch import Tensor
 
 from unproject._random import generator_at
 from unproject.ops.environment import look_up, prepare_environments
+from unproject.ops.lights import Ambient, Directional, Environment, Light
 from unproject.ops.microfacet import Reflection, lobe_density, reflect, sample_beckmann, sample_cosine
 from unproject.ops.plane import towards
-from unproject.ops.shading import Ambient, Directional, Environment, Light, Sampling
+from unproject.ops.shading import Sampling
 from unproject.ops.shading_native import shade_fast
 
 MATERIALS, VIEWS, SIDE = 20, (0.0, 45.0, 80.0), 40

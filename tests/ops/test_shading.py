@@ -13,10 +13,11 @@ from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.ops import shading
 from unproject.ops.environment import look_up, prepare_environments
+from unproject.ops.lights import Ambient, Directional, Environment, Light
 from unproject.ops.maps import MAPS
 from unproject.ops.microfacet import Reflection
 from unproject.ops.plane import to_camera, towards
-from unproject.ops.shading import Ambient, Directional, Environment, Sampling, pixels_of, reflected, shade
+from unproject.ops.shading import Sampling, pixels_of, reflected, shade
 from unproject.ops.shading_native import can_shade, shade_fast
 
 MODELS = [Reflection(), Reflection("albedo"), Reflection(shadowing="cook-torrance"), Reflection("eta", 2.5)]
@@ -49,7 +50,7 @@ def jitter(batch: int, seed: int = 0) -> Tensor:
     return torch.rand(batch, generator=generator_at(seed), dtype=torch.float64)
 
 
-def quadrature(x: Tensor, toward: Tensor, light: shading.Light, model: Reflection, n: int = 400) -> Tensor:
+def quadrature(x: Tensor, toward: Tensor, light: Light, model: Reflection, n: int = 400) -> Tensor:
     """(3,) of one pixel: the integral over a fine grid of the sphere."""
     t = (torch.arange(n, dtype=torch.float64) + 0.5) * math.pi / n
     p = (torch.arange(2 * n, dtype=torch.float64) + 0.5) * math.pi / n

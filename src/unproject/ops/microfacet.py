@@ -103,21 +103,29 @@ class Reflection:
 
     def base(self, k_d: Tensor, k_s: Tensor, cos_o: Tensor) -> Tensor:
         """Return the albedo (..., 3) of the diffuse base: k_d, less the specular reflection with "albedo"."""
-        if self.fresnel == "eta":
-            return k_d
+        return k_d if self.fresnel == "eta" else k_d * self.base_share(k_s, cos_o)[..., None]
+
+    def base_share(self, k_s: Tensor, cos_o: Tensor) -> Tensor:
+        """Return what "albedo" leaves of k_d for the base, 1 - F(cosθo)."""
         _, f0, f90 = self.terms(k_s)
-        return k_d * (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)[..., None]
+        return (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)
 
     def lobe(self, k_s: Tensor, m: Tensor, i: Tensor, o: Tensor) -> Tensor:
         """Return the specular part of f times cosθi; 0 where either direction is below the surface."""
         h, o_h = half_vector(i, o)
+        return self.lobe_of(k_s, m, i[..., 2], o[..., 2], h[..., 2], tan_squared(h), o_h)
+
+    def lobe_of(
+        self, k_s: Tensor, m: Tensor, cos_i: Tensor, cos_o: Tensor, cos_h: Tensor, tan2: Tensor, o_h: Tensor
+    ) -> Tensor:
+        """Return the same of cosθi, cosθo, cosθh, tan²θh and ωo·h; all are broadcast to one shape."""
         scale, f0, f90 = self.terms(k_s)
         if self.shadowing == "smith":
-            seen = smith_over_cos(i[..., 2], m) * smith_over_cos(o[..., 2], m)
+            seen = smith_over_cos(cos_i, m) * smith_over_cos(cos_o, m)
         else:
-            seen = cook_torrance_over_cos(i[..., 2], o[..., 2], h[..., 2], o_h)
-        value = scale / 4 * beckmann(tan_squared(h), m) * seen * schlick(o_h, f0, f90) * i[..., 2].clamp(min=0)
-        return torch.where((i[..., 2] > 0) & (o[..., 2] > TINY), value, torch.zeros_like(value))
+            seen = cook_torrance_over_cos(cos_i, cos_o, cos_h, o_h)
+        value = scale / 4 * beckmann(tan2, m) * seen * schlick(o_h, f0, f90) * cos_i.clamp(min=0)
+        return torch.where((cos_i > 0) & (cos_o > TINY), value, torch.zeros_like(value))
 
 
 def half_vector(i: Tensor, o: Tensor) -> tuple[Tensor, Tensor]:

@@ -12,6 +12,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from .lengths import unit
+
 BAND = 32  # rows of a picture computed at once
 
 
@@ -33,7 +35,7 @@ def to_camera(theta: Tensor, phi: Tensor, distance: float, height: int, width: i
     """Return unit vectors (B, 3, H, W) from each texel to the camera."""
     place = distance * towards(theta, phi)
     direction = place[:, :, None, None] - texels(height, width, theta)
-    return direction / direction.norm(dim=1, keepdim=True)
+    return unit(direction, 1)
 
 
 def photograph(

@@ -24,7 +24,8 @@ from torch.utils.checkpoint import checkpoint
 
 from .._types import UserError
 from .differences import EPSILON, CentralDifferences
-from .environment import Environments, look_up, sample_environments
+from .environment import look_up, sample_environments
+from .lights import Directional, Environment, Light
 from .low_discrepancy import offsets, points, scramble, seeds, unit
 from .maps import of_colour, specular_channels, unpack_maps
 from .microfacet import (
@@ -41,27 +42,6 @@ from .microfacet import (
 POOL, STRATUM = 2**12, 64  # prepared light samples, and at most so many for each one that a pixel takes
 CHUNK, CHUNK_OF_GPU = 2**18, 2**22  # samples computed at a time
 MAX_SAMPLES = 2**20
-
-
-class Ambient(NamedTuple):
-    """Radiance 1 from all directions."""
-
-
-class Directional(NamedTuple):
-    """Light from directions (B, 3), unit vectors towards the light; irradiance π on a plane that faces it."""
-
-    direction: Tensor
-
-
-class Environment(NamedTuple):
-    """One of several environments for each batch element: `which` (B,) int64, rotated by `turn` (B,) about z."""
-
-    environments: Environments
-    which: Tensor
-    turn: Tensor
-
-
-Light = Ambient | Directional | Environment
 
 
 @dataclass(frozen=True)
@@ -124,15 +104,15 @@ def shade(
     Args:
         maps: (B, 8, H, W), or (B, 10, H, W) of a coloured specular albedo.
         to_camera: (B, 3, H, W), unit vectors from each texel to the camera.
-        light: ambient, directional or environments.
+        light: ambient, directional, three lamps of a colour each, or environments.
         reflection: the reflection model.
         sampling: settings of the estimator.
         jitter: (B,) in [0, 1), the seed of the sample points: equal numbers give equal results.
     """
+    if isinstance(light, Directional):
+        return by_colour(maps, lambda x, k: _directional(x, to_camera, light.of_colour(k), reflection))
     if specular_channels(maps) == 3:
         return by_colour(maps, lambda x, k: shade(x, to_camera, light, reflection, sampling, jitter))
-    if isinstance(light, Directional):
-        return _directional(maps, to_camera, light, reflection)
     plan = plan_samples(light, sampling, jitter, maps)
     fixed = maps if sampling.gradient == "exact" else maps.detach()
     if sampling.gradient == "differences":

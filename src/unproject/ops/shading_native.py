@@ -16,10 +16,12 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from ._native import kernel, pointer
+from .lights import Directional, Environment, Light
 from .low_discrepancy import STEPS
 from .maps import CHANNELS, specular_channels
 from .microfacet import Reflection, reflectance
-from .shading import Directional, Environment, Light, Plan, Sampling, by_colour, diffuse_counts, plan_samples, shade
+from .shading import Plan, Sampling, by_colour, diffuse_counts, plan_samples, shade
+from .shading_lamps import shade_lamps
 
 BLOCK = 8
 FLOATS = ("maps", "camera", "table", "turn", "pool", "along", "diffuse", "gradient")
@@ -41,14 +43,12 @@ class Job(ctypes.Structure):
 def shade_fast(
     maps: Tensor, to_camera: Tensor, light: Light, reflection: Reflection, sampling: Sampling, jitter: Tensor
 ) -> Tensor:
-    """Compute `shading.shade`, by the kernel where it supports the arguments."""
+    """Compute `shading.shade`: of lamps by `shade_lamps`, else by the kernel where it supports the arguments."""
+    if isinstance(light, Directional):
+        return shade_lamps(maps, to_camera, light, reflection)
     if specular_channels(maps) == 3:
         return by_colour(maps, lambda x, k: shade_fast(x, to_camera, light, reflection, sampling, jitter))
-    if (
-        isinstance(light, Directional)
-        or sampling.gradient == "differences"
-        or not can_shade(maps, to_camera, light, reflection)
-    ):
+    if sampling.gradient == "differences" or not can_shade(maps, to_camera, light, reflection):
         return shade(maps, to_camera, light, reflection, sampling, jitter)
     plan = plan_samples(light, sampling, jitter, maps)
     return shade_native(maps, to_camera, light, reflection, plan, sampling.gradient == "fixed")

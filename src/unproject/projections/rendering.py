@@ -14,10 +14,11 @@ from torch import Tensor
 from .._types import UserError
 from ..ops.environment import Environments, exposure, prepare_environments, surface_exposure
 from ..ops.exposure import develop
+from ..ops.lights import Ambient, Directional, Environment, Light
 from ..ops.maps import CHANNELS, unpack_maps
 from ..ops.microfacet import Reflection
 from ..ops.plane import photograph, to_camera, towards
-from ..ops.shading import Ambient, Directional, Environment, Light, Sampling, by_colour
+from ..ops.shading import Sampling
 from ..ops.shading_native import shade_fast
 from .base import Projection
 from .priors import Cap, Prior, Product, Uniform
@@ -158,12 +159,8 @@ class Rendering(Projection):
     ) -> Tensor:
         def shaded(x: Tensor, camera: Tensor, row: int | None = None) -> Tensor:
             rows = slice(None) if row is None else slice(row, row + 1)
-
-            def lit(x: Tensor, lamp: int = 0) -> Tensor:
-                one = self._light(light[rows], around[rows] + lamp * THIRD, probe[rows])
-                return shade_fast(x, camera, one, self.reflection, self.sampling, jitter[rows])
-
-            return by_colour(x, lit) if self.lighting == "coloured" else lit(x)
+            lit = self._light(light[rows], around[rows], probe[rows])
+            return shade_fast(x, camera, lit, self.reflection, self.sampling, jitter[rows])
 
         if self.space == "image" and self.repeat:
             radiance = photograph(x, view, azimuth, self.distance, True, shaded)
@@ -177,7 +174,9 @@ class Rendering(Projection):
         if self.environments is not None:
             table, running = _placed(self.environments, light.device, light.dtype)
             return Environment(Environments(table, running), probe.long().clamp(0, len(table) - 1), light)
-        return Directional(towards(light, around)) if self.lighting in DIRECTED else Ambient()
+        if self.lighting == "coloured":
+            return Directional(torch.stack([towards(light, around + k * THIRD) for k in range(3)], 1))
+        return Directional(towards(light, around)) if self.lighting == "directional" else Ambient()
 
 
 @lru_cache(maxsize=32)

@@ -18,10 +18,11 @@ from torch import Tensor
 
 from ..ops.environment import Environments, exposure, prepare_environments
 from ..ops.exposure import develop
+from ..ops.lights import Ambient, Directional, Environment, Light
 from ..ops.maps import places
 from ..ops.microfacet import Reflection
 from ..ops.plane import photograph, to_camera, towards
-from ..ops.shading import Ambient, Directional, Environment, Light, Sampling, by_colour
+from ..ops.shading import Sampling
 from ..ops.shading_native import shade_fast
 
 SIDE, AROUND, DISTANCE = 256, 4, 4.0
@@ -83,18 +84,17 @@ def _resampled(tiled: Tensor, width: int, height: int) -> Tensor:
 
 
 def _shaded(x: Tensor, camera: Tensor, scene: Scene, reflection: Reflection) -> Tensor:
-    def lit(x: Tensor, lamp: int = 0) -> Tensor:
-        return shade_fast(x, camera, _light(scene, lamp * THIRD), reflection, Sampling(scene.samples), torch.zeros(1))
-
-    return by_colour(x, lit) if scene.light == "coloured" else lit(x)
+    return shade_fast(x, camera, _light(scene), reflection, Sampling(scene.samples), torch.zeros(1))
 
 
-def _light(scene: Scene, turn: float) -> Light:
+def _light(scene: Scene) -> Light:
     if isinstance(scene.light, Environments):
         return Environment(scene.light, torch.zeros(1, dtype=torch.long), torch.tensor([scene.turn]))
     if scene.light == "ambient":
         return Ambient()
-    return Directional(towards(torch.tensor([scene.polar]), torch.tensor([scene.turn + turn])))
+    turns = torch.tensor([scene.turn + k * THIRD for k in range(3 if scene.light == "coloured" else 1)])
+    lamps = towards(torch.full_like(turns, scene.polar), turns)
+    return Directional(lamps[None] if len(lamps) > 1 else lamps)
 
 
 def _ball(maps: Tensor, scene: Scene, reflection: Reflection) -> Tensor:
