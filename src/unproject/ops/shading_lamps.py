@@ -8,6 +8,7 @@ to the camera once for all.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from torch import Tensor
 
@@ -47,5 +48,5 @@ def shade_lamps(maps: Tensor, to_camera: Tensor, light: Directional, reflection:
     return base * cos_i.clamp(min=0) + math.pi * lobe
 
 
-def _dot(a: list[Tensor] | tuple[Tensor, ...], b: list[Tensor] | tuple[Tensor, ...]) -> Tensor:
+def _dot(a: Sequence[Tensor], b: Sequence[Tensor]) -> Tensor:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
