@@ -3571,15 +3571,15 @@ ANY_CLASS = (
     mutant(
         "thin parts: rims of thick parts are raised too",
         "ops/thin_parts.py",
-        "_widened(there & ~thick)",
-        "there",
+        "torch.where(_widened(thin), raised, silhouettes)",
+        "raised",
         "ops/test_thin_parts.py::test_thick_parts_stay_as_they_are",
     ),
     mutant(
         "thin parts: the pixels between a handle and its head stay as they are",
         "ops/thin_parts.py",
-        "_widened(there & ~thick)",
-        "there & ~thick",
+        "torch.where(_widened(thin), raised",
+        "torch.where(thin, raised",
         "ops/test_thin_parts.py::test_such_pictures_show_their_thin_parts_at_one_half",
     ),
     mutant(

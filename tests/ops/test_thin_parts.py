@@ -71,6 +71,15 @@ def test_the_level_becomes_one_half(level: float) -> None:
     assert with_thin_parts(y, 0.5) is y
 
 
+def test_a_leg_of_two_pixels_gets_its_soft_rims() -> None:
+    """Of one or two pixels at ½ legs are hard to make; of three they are thick."""
+    y = torch.zeros(2, 1, 9, 9)
+    y[0, ..., 3:7] = torch.tensor([0.3, 1.0, 1.0, 0.3])
+    y[1, ..., 2:7] = torch.tensor([0.3, 1.0, 1.0, 1.0, 0.3])
+    raised = with_thin_parts(y, 0.25)
+    assert (raised[0, ..., 3:7] > 0.5).all() and torch.equal(raised[1], y[1])
+
+
 def test_thick_parts_stay_as_they_are() -> None:
     """A disc with a soft rim, of 9 pixels; beside it a wire, which alone changes."""
     grid = torch.arange(SIDE) - 10.0

@@ -54,9 +54,9 @@ def _count(mask: np.ndarray) -> int:
 def with_thin_parts(silhouettes: Tensor, level: float) -> Tensor:
     """Return silhouettes (N, 1, H, W) whose thin parts have their level at one half, y ↦ y^(log ½ / log level).
 
-    Thin is what is at least `level` and not covered by squares of 3×3 pixels that all are (its morphological opening).
-    Thin parts and the eight neighbours of each pixel of them are raised; 0 and 1 stay. All else stays as it is: if rims
-    of thick parts were raised too, objects would be learned larger than they are.
+    Thick is what squares of 3×3 pixels cover that are all at least ½ (the morphological opening), and thin what is at
+    least `level` and no neighbour of it. Thin parts and the eight neighbours of each pixel of them are raised; 0 and 1
+    stay. All else stays as it is: with the rims of thick parts raised too, objects would be learned too large.
 
     Examples:
         >>> import torch, unproject as up
@@ -69,10 +69,10 @@ def with_thin_parts(silhouettes: Tensor, level: float) -> Tensor:
     """
     if level == 0.5:
         return silhouettes
-    there = silhouettes >= level - ROUNDING
-    thick = _widened(~_widened(~there))
+    thick = _widened(~_widened(silhouettes < 0.5))
+    thin = (silhouettes >= level - ROUNDING) & ~_widened(thick)
     raised = silhouettes.clamp(0, 1) ** (math.log(0.5) / math.log(level))
-    return torch.where(_widened(there & ~thick), raised, silhouettes)
+    return torch.where(_widened(thin), raised, silhouettes)
 
 
 def _widened(mask: Tensor) -> Tensor:
