@@ -301,8 +301,8 @@ MICROFACETS = (
     mutant(
         "microfacets: the base gets what the surface reflects",
         "ops/microfacet.py",
-        "return (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)",
-        "return torch.ones_like(cos_o)",
+        "return k_d * (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)",
+        "return k_d * torch.ones_like(cos_o)",
         "ops/test_microfacet.py::test_no_more_is_reflected_than_comes",
     ),
 )
@@ -967,9 +967,9 @@ PROJECTIONS = (
     ),
     mutant(
         "rendering: the green and the blue lamp change places",
-        "projections/rendering.py",
-        "towards(light, around + k * THIRD)",
-        "towards(light, around - k * THIRD)",
+        "ops/lights.py",
+        "towards(theta, phi + k * THIRD)",
+        "towards(theta, phi - k * THIRD)",
         "projections/test_rendering.py::test_three_coloured_lamps_are_three_pictures_by_one_lamp",
     ),
     mutant(

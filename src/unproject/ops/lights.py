@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from .environment import Environments
+from .plane import towards
+
+THIRD = 2 * math.pi / 3
 
 
 class Ambient(NamedTuple):
@@ -32,6 +37,11 @@ class Environment(NamedTuple):
     environments: Environments
     which: Tensor
     turn: Tensor
+
+
+def coloured_lamps(theta: Tensor, phi: Tensor) -> Directional:
+    """Return a red, a green and a blue lamp at polar angles θ (B,), a third of a turn apart; the red one at φ (B,)."""
+    return Directional(torch.stack([towards(theta, phi + k * THIRD) for k in range(3)], 1))
 
 
 Light = Ambient | Directional | Environment

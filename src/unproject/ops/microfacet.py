@@ -102,13 +102,11 @@ class Reflection:
         return 1.0, k_s, (k_s / BRIGHT).clamp(max=1)
 
     def base(self, k_d: Tensor, k_s: Tensor, cos_o: Tensor) -> Tensor:
-        """Return the albedo (..., 3) of the diffuse base: k_d, less the specular reflection with "albedo"."""
-        return k_d if self.fresnel == "eta" else k_d * self.base_share(k_s, cos_o)[..., None]
-
-    def base_share(self, k_s: Tensor, cos_o: Tensor) -> Tensor:
-        """Return what "albedo" leaves of k_d for the base, 1 - F(cosθo)."""
+        """Return the albedo of the diffuse base: k_d, less the specular reflection with "albedo"; all are broadcast."""
+        if self.fresnel == "eta":
+            return k_d
         _, f0, f90 = self.terms(k_s)
-        return (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)
+        return k_d * (1 - schlick(cos_o.abs(), f0, f90)).clamp(min=0)
 
     def lobe(self, k_s: Tensor, m: Tensor, i: Tensor, o: Tensor) -> Tensor:
         """Return the specular part of f times cosθi; 0 where either direction is below the surface."""

@@ -198,7 +198,7 @@ def frame_of(normal: Tensor) -> Tensor:
 
 def reflected(pixels: Pixels, i: Tensor, reflection: Reflection) -> Tensor:
     """Return f cosθi (B, P, S, 3) for directions i in the normal's frame."""
-    base = reflection.base(pixels.k_d, pixels.k_s, pixels.camera[..., 2])
+    base = reflection.base(pixels.k_d, pixels.k_s[..., None], pixels.camera[..., 2:])
     lobe = reflection.lobe(pixels.k_s, pixels.m, i, pixels.camera.expand_as(i))
     return base * cosine_density(i)[..., None] + lobe[..., None]
 

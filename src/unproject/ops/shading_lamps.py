@@ -44,8 +44,7 @@ def shade_lamps(maps: Tensor, to_camera: Tensor, light: Directional, reflection:
     tan2 = _dot(across, across) / cos_h.square().clamp(min=TINY**2)
 
     lobe = reflection.lobe_of(k_s, m, cos_i, cos_o, cos_h, tan2, _dot(camera, h))
-    base = k_d if reflection.fresnel == "eta" else k_d * reflection.base_share(k_s, cos_o)
-    return base * cos_i.clamp(min=0) + math.pi * lobe
+    return reflection.base(k_d, k_s, cos_o) * cos_i.clamp(min=0) + math.pi * lobe
 
 
 def _dot(a: Sequence[Tensor], b: Sequence[Tensor]) -> Tensor:

@@ -14,7 +14,7 @@ from torch import Tensor
 from .._types import UserError
 from ..ops.environment import Environments, exposure, prepare_environments, surface_exposure
 from ..ops.exposure import develop
-from ..ops.lights import Ambient, Directional, Environment, Light
+from ..ops.lights import Ambient, Directional, Environment, Light, coloured_lamps
 from ..ops.maps import CHANNELS, unpack_maps
 from ..ops.microfacet import Reflection
 from ..ops.plane import photograph, to_camera, towards
@@ -28,7 +28,6 @@ Lighting: TypeAlias = Literal["ambient", "directional", "coloured"]
 FRONT = -math.pi / 2  # the camera stands at the picture's bottom edge
 SPREAD = math.radians(5)
 DIRECTED = ("directional", "coloured")
-THIRD = 2 * math.pi / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +174,7 @@ class Rendering(Projection):
             table, running = _placed(self.environments, light.device, light.dtype)
             return Environment(Environments(table, running), probe.long().clamp(0, len(table) - 1), light)
         if self.lighting == "coloured":
-            return Directional(torch.stack([towards(light, around + k * THIRD) for k in range(3)], 1))
+            return coloured_lamps(light, around)
         return Directional(towards(light, around)) if self.lighting == "directional" else Ambient()
 
 

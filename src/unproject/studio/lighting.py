@@ -18,7 +18,7 @@ from torch import Tensor
 
 from ..ops.environment import Environments, exposure, prepare_environments
 from ..ops.exposure import develop
-from ..ops.lights import Ambient, Directional, Environment, Light
+from ..ops.lights import Ambient, Directional, Environment, Light, coloured_lamps
 from ..ops.maps import places
 from ..ops.microfacet import Reflection
 from ..ops.plane import photograph, to_camera, towards
@@ -27,7 +27,6 @@ from ..ops.shading_native import shade_fast
 
 SIDE, AROUND, DISTANCE = 256, 4, 4.0
 """Pixels of a picture, tiles around the ball, and how far the camera is, in widths of the plane."""
-THIRD = 2 * math.pi / 3
 PAPER = 0.98
 """What is behind the material, after the gamma."""
 Form = Literal["tile", "plane", "ball"]
@@ -92,9 +91,8 @@ def _light(scene: Scene) -> Light:
         return Environment(scene.light, torch.zeros(1, dtype=torch.long), torch.tensor([scene.turn]))
     if scene.light == "ambient":
         return Ambient()
-    turns = torch.tensor([scene.turn + k * THIRD for k in range(3 if scene.light == "coloured" else 1)])
-    lamps = towards(torch.full_like(turns, scene.polar), turns)
-    return Directional(lamps[None] if len(lamps) > 1 else lamps)
+    where = torch.tensor([scene.polar]), torch.tensor([scene.turn])
+    return coloured_lamps(*where) if scene.light == "coloured" else Directional(towards(*where))
 
 
 def _ball(maps: Tensor, scene: Scene, reflection: Reflection) -> Tensor:
