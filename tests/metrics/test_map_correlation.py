@@ -8,8 +8,7 @@ from torch.nn.functional import normalize
 
 from unproject._random import generator_at
 from unproject._types import UserError
-from unproject.metrics.map_correlation import FIELDS, PAIRS, correlation_error, map_correlations
-from unproject.ops.map_bands import heights
+from unproject.metrics.map_correlation import FIELDS, PAIRS, correlation_error, heights, map_correlations
 
 
 def noise(n, size, seed):

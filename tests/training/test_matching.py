@@ -24,7 +24,7 @@ def matched(**settings: Any) -> Recipe:
 
 
 def test_a_run_that_is_resumed_goes_on_with_its_moving_means(tmp_path: Path) -> None:
-    recipe = matched(weight=1.0)
+    recipe = matched(weight=1.0, final=1.0)  # which do not depend on the budget
     whole = train(recipe, tmp_path / "whole", quiet=True).path
     part = train(replace(recipe, steps=5), tmp_path / "part", quiet=True).path
     assert resume(part, recipe, steps=8, quiet=True).step == 8
@@ -41,7 +41,10 @@ def test_it_is_part_of_every_so_many_updates(every: int, updates: int, tmp_path:
 
 
 def test_its_gradient_reaches_the_generator_and_nothing_else(tmp_path: Path) -> None:
-    runs = [replace(recipe, steps=1) for recipe in (toy(views="known"), matched(weight=1e-9), matched(weight=1e3))]
+    runs = [
+        replace(recipe, steps=1)
+        for recipe in (toy(views="known"), matched(weight=1e-9, final=0.0), matched(weight=1e3))
+    ]
     without, light, heavy = (final(train(r, tmp_path / str(k), quiet=True).path) for k, r in enumerate(runs))
     for name, value in without.items():
         if name.startswith(("discriminators/", "discriminator_optimiser/")):

@@ -3,7 +3,6 @@
 from .adaptive import Adaptive
 from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .axisymmetric import Axisymmetric
-from .independent import Independent
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .matching import Matching, MatchingState
 from .penalties import R1R2, GradientPenalty, Penalty
@@ -20,7 +19,6 @@ __all__ = [
     "Connected",
     "GradientPenalty",
     "Hinge",
-    "Independent",
     "Logistic",
     "Loss",
     "Matching",

@@ -8,9 +8,6 @@ their mean, a moving mean m over updates of E s(P(G(z))) and d, the deviation li
 The value is that of the moving means, whose noise is small; the gradient is that of the present batch. A discriminator
 has to find such statistics among all others, and to forget none; here they are given.
 
-Losses are divided by the norms of their gradients, and so would pull as hard when nothing but noise is left. Therefore
-this one is weighted by √E_j [m_j² + (d_j - 1)²] too, up to 1: what is farther off pulls harder.
-
 References:
     Salimans et al. 2016, Improved techniques for training GANs (matching of features).
     Portilla and Simoncelli 2000 (which statistics).
@@ -30,9 +27,6 @@ from .._types import UserError
 from ..ops.band_statistics import SMALLEST, band_statistics
 
 CHUNK = 64
-RECENT = 4
-"""Moving means are of the last of so many parts of all updates: while the generator changes fast, what it made before
-would count as what it makes, and its change as deviations between images."""
 MIN_DEVIATION = 1e-3
 """Deviation at least, of statistics that all real images share."""
 
@@ -42,9 +36,9 @@ class Matching:
     """Match the statistics of bands; `begin` makes the state of one panel.
 
     Args:
-        weight: of its gradient, where that of the panel's adversarial loss has 1, of statistics that are a deviation or
-            more off.
-        memory: share of the newest batch in the moving means, at least.
+        weight: of its gradient at the start, where that of the panel's adversarial loss has 1.
+        final: weight at the end, to which it falls linearly.
+        memory: share of the newest batch in the moving means.
         every: updates of the generator between two with this loss, which is as many times as large then.
         alike: deviation below which statistics count as the same in all real images and have the unit 1, that of
             logarithms and correlations (default: none does). Of images without any colour nearly all statistics of
@@ -57,7 +51,8 @@ class Matching:
         True
     """
 
-    weight: float = 4.0
+    weight: float = 2.0
+    final: float = 0.5
     memory: float = 0.02
     every: int = 3
     alike: float | None = field(default=None, metadata={"described": "if given"})
@@ -65,7 +60,7 @@ class Matching:
     def __post_init__(self) -> None:
         if self.alike is not None and not 0 < self.alike < math.inf:
             raise UserError(f"{self}: alike is a positive deviation, or left out")
-        if not (0 < self.weight < math.inf and 0 < self.memory <= 1 and self.every >= 1):
+        if not (0 < self.weight < math.inf and 0 <= self.final < math.inf and 0 < self.memory <= 1 and self.every >= 1):
             raise UserError(f"{self}: give a positive weight, a memory above 0 and at most 1, and every 1 or more")
 
     def begin(self, real: Tensor) -> MatchingState:
@@ -112,12 +107,10 @@ class MatchingState(nn.Module):
         self.register_buffer("seen", torch.zeros((), dtype=torch.long))
         self.register_buffer("norm", torch.zeros((), dtype=torch.float64))
 
-    @property
-    def weight(self) -> float:
-        """The weight of an update that has this loss."""
-        excess = self._deviation(self.first, self.second) - self.spread
-        distance = (self.first.square() + excess.square()).mean().sqrt().item()
-        return self.settings.every * self.settings.weight * min(1.0, distance)
+    def weight_at(self, progress: float) -> float:
+        """Return the weight of an update that has this loss when `progress` of the budget is spent."""
+        weight, final = self.settings.weight, self.settings.final
+        return self.settings.every * (weight + (final - weight) * min(progress, 1.0))
 
     def due(self, step: int) -> bool:
         """Whether the generator's update of this step has this loss."""
@@ -150,16 +143,13 @@ class MatchingState(nn.Module):
         s = (call(band_statistics, (images.float(),)) - self.centre) / self.unit
         now = torch.stack([s.mean(0), s.square().mean(0)])
         self.seen += 1
-        rate = max(self.settings.memory, RECENT / (int(self.seen) + RECENT - 1))
+        rate = max(self.settings.memory, 1 / int(self.seen))
         for mean, newest in zip((self.first, self.second), over_processes(now.detach()), strict=True):
             mean.lerp_(newest, rate)
         # The values are those of the moving means, the gradients those of the present batch.
         first, second = torch.stack([self.first, self.second]) + (now - now.detach())
-        return (_length(first) + _length(self._deviation(first, second) - self.spread)).mean()
-
-    @staticmethod
-    def _deviation(first: Tensor, second: Tensor) -> Tensor:
-        return (second - first.square()).clamp_min(1e-6).sqrt()
+        deviation = (second - first.square()).clamp_min(1e-6).sqrt()
+        return (_length(first) + _length(deviation - self.spread)).mean()
 
 
 def _length(z: Tensor) -> Tensor:

@@ -7,7 +7,6 @@ from .framing import bounding_box, common_fill, common_height, framed, unit_size
 from .hull import visual_hull
 from .limits import limited, penalised
 from .line_integrals import strip_integrals
-from .map_bands import map_bands
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .outlines import level_share, mirror_iou
 from .parts import floating_parts, joined_parts, largest_part
@@ -33,7 +32,6 @@ __all__ = [
     "level_of_thin_parts",
     "level_share",
     "limited",
-    "map_bands",
     "mirror_iou",
     "orthographic_rays",
     "perspective_rays",

@@ -29,7 +29,6 @@ from typing import Any
 
 from typing_extensions import Unpack
 
-from ..adversarial.independent import Independent
 from ..adversarial.losses import Logistic, Relativistic
 from ..adversarial.matching import Matching
 from ..adversarial.penalties import R1R2
@@ -85,8 +84,7 @@ def materials(
     photograph_weight: float = 3.0,
     natural_light_weight: float = NATURAL_LIGHT_WEIGHT,
     penalty_scale: float = PENALTY_SCALE,
-    matching: float = 4.0,
-    independent: float = 2.0,
+    matching: float = 2.0,
     flips: bool = False,
     coloured_specular: bool = False,
     waves: bool = True,
@@ -120,9 +118,7 @@ def materials(
             should not be painted into the maps.
         penalty_scale: factor of gamma for photographs, of which a few hundred would otherwise be memorised.
         matching: weight of the statistics of the second order that images are to share with real ones (`Matching`),
-            where the discriminators' loss has 1, as long as they are far off; less as they come nearer. 0: none.
-        independent: weight of the preference for maps that do not go together where photographs leave it open
-            (`Independent`); it falls to 0 over 0.6 of the budget. Not for `--views direct`. 0: none.
+            where the discriminators' loss has 1, at the start; it falls to a quarter. 0: none.
         flips: learn from mirror images too, of maps and of those photographs whose light allows it.
         coloured_specular: give the specular albedo three channels, as of gold and copper; steps take longer.
         waves: give the generator waves along rows and columns, of which patterns that repeat themselves can be made.
@@ -137,15 +133,16 @@ def materials(
     source = with_mirror_images(source) if flips else source
     photographed = are_photographs(data)
     counts = (counted(maps, 500, photographed), counted(renderings, 250, photographed))
-    weights = Weights(photograph_weight, natural_light_weight if photographed else photograph_weight, penalty_scale)
+    natural = natural_light_weight if photographed else photograph_weight
+    weights = Weights(photograph_weight, natural, penalty_scale)
+    light = Light(probes, samples)
     return Recipe(
         generator=partial(StationaryMaterials, size=size, channels=channels, **own),
         discriminator=partial(TextureDiscriminator, channels=discriminator_channels),
-        panels=panels_of(source, views, observations or observations_of(data), counts, Light(probes, samples), weights),
+        panels=panels_of(source, views, observations or observations_of(data), counts, light, weights),
         loss=Relativistic(),
         penalty=R1R2(gamma * SCALE**2, every=4),
-        matching=Matching(matching, alike=ALIKE if coloured_specular else None) if matching else None,
-        regulariser=Independent(independent) if independent and views == "known" else None,
+        matching=Matching(matching, matching / 4, alike=ALIKE if coloured_specular else None) if matching else None,
         generator_optimiser=adam,
         discriminator_optimiser=adam,
         balance_every=16,

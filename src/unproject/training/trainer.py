@@ -191,7 +191,7 @@ class Trainer:
             terms.append(Term(weight, recipe.loss.generator(batch.real_logits, fake.float()), batch.panel))
             if matching is not None and matching.due(state.counters.step):
                 found = matching(batch.seen, self.distribution.mean, partial(self.graphs.replayed, index))
-                terms.append(Term(weight * matching.weight, found, matching))
+                terms.append(Term(weight * matching.weight_at(progress), found, matching))
         due = recipe.balance_every > 0 and state.counters.step % recipe.balance_every == 0
         unknown = recipe.balance_every > 0 and any(term.owner.gradient_norm == 0 for term in terms)
         measure = len(terms) > 1 and (due or unknown)
