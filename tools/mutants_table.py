@@ -4893,6 +4893,13 @@ PHOTOGRAPHED = (
         "cli/test_fit.py::test_lines_about_another_center_are_read_as_training_did",
     ),
     mutant(
+        "photographs: slanting lamps are as low as coloured ones",
+        "recipes/material_panels.py",
+        '("slanting", 36)',
+        '("slanting", 60)',
+        "recipes/test_materials.py::test_the_angles_of_fixed_lamps_are_those_of_the_conventions",
+    ),
+    mutant(
         "photographs: lamps overhead are as low as the others",
         "recipes/material_panels.py",
         '("overhead", 12)',

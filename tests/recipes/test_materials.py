@@ -72,7 +72,7 @@ def test_the_same_seed_is_the_same_collection() -> None:
 
 
 def test_any_mix_of_observations() -> None:
-    names = ("flash", "lamp", "raking", "coloured", "overhead", "top", "ambient")
+    names = ("flash", "lamp", "raking", "coloured", "overhead", "slanting", "top", "ambient")
     lights = wood_materials(observations=names, renderings=3, **TOY)
     assert tuple(panels(lights)) == names
     assert [*panels(wood_materials(maps=2, renderings=0, **TOY))] == [*MAPS]
@@ -373,13 +373,13 @@ def test_a_toy_run_from_the_command_line(name: str, tmp_path: Path, capsys: pyte
 def test_the_recipes_are_listed() -> None:
     assert {"materials", "wood", "metal", "plastic", "fabric"} <= set(names())
     assert {"wood-paper", "metal-paper", "plastic-paper"} <= set(names())
-    lit = {"top", "grazing", "flash", "lamp", "raking", "coloured", "overhead", "ambient", "daylight"}
+    lit = {"top", "grazing", "flash", "lamp", "raking", "coloured", "overhead", "slanting", "ambient", "daylight"}
     assert set(VIEWED_FROM) == lit == {*KINDS}
 
 
 def test_the_angles_of_fixed_lamps_are_those_of_the_conventions() -> None:
-    """60 or 12 degrees from the normal, 5 more or less, the red one or the only one at the left."""
-    for name, theta in (("raking", 60), ("coloured", 60), ("overhead", 12)):
+    """60, 36 or 12 degrees from the normal, 5 more or less, the red one or the only one at the left."""
+    for name, theta in (("raking", 60), ("coloured", 60), ("slanting", 36), ("overhead", 12)):
         drawn = observation_of(name, None, 16).prior.sample(400, torch.Generator().manual_seed(0))
         light = drawn["light"].rad2deg()
         assert theta - 5.01 < light.min() < theta - 4.5 and theta + 4.5 < light.max() < theta + 5.01

@@ -40,7 +40,7 @@ Materials = Callable[..., Tensor]
 Views = Literal["known", "direct"]
 LIT: dict[str, Lighting] = {
     **dict.fromkeys(("flash", "lamp", "raking"), "directional"),
-    **dict.fromkeys(("coloured", "overhead"), "coloured"),
+    **dict.fromkeys(("coloured", "overhead", "slanting"), "coloured"),
     "ambient": "ambient",
 }
 """Photograph → its light, of those that are neither natural nor unknown."""
@@ -54,7 +54,10 @@ MIRRORED = {
 """Axes along which the image of an observation may be flipped: the result is an image of the mirrored material. Natural
 light has no mirror image, but may be turned by half a turn; daylight that nobody measured is as likely as its mirror
 image; cameras are within 5° of the normal."""
-LAMPS = {name: (math.radians(theta), math.pi) for name, theta in (("raking", 60), ("coloured", 60), ("overhead", 12))}
+LAMPS = {
+    name: (math.radians(theta), math.pi)
+    for name, theta in (("raking", 60), ("coloured", 60), ("slanting", 36), ("overhead", 12))
+}
 """Angles of fixed lamps from the normal, and around it, in radians."""
 NATURAL_LIGHT = {"top", "grazing"}
 UNKNOWN_LIGHT = {*NATURAL_LIGHT, "daylight"}

@@ -14,6 +14,7 @@ lamp         from the top, directional light from anywhere above
 raking       from the top, directional light from the left, 60 ± 5° from the normal
 coloured     from the top, three lamps 60 ± 5° from the normal: red at the left, green below right, blue above right
 overhead     the same lamps 12 ± 5° from the normal
+slanting     the same lamps 36 ± 5° from the normal
 ambient      from the top, constant light
 daylight     from the top, daylight or light of a room that nobody measured (`data.daylight_probes`)
 ============ =====================================================================================

@@ -22,8 +22,8 @@ FLOATING = (".exr", ".hdr")
 SUFFIXES = (*PICTURES, *FLOATING)
 UNREAD = tuple(suffix for suffix in NO_PICTURES if suffix not in FLOATING)
 ELSE = (
-    "flash, coloured, overhead, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing (natural "
-    "light that you give by --probes)"
+    "flash, coloured, overhead, slanting, raking, lamp, ambient (an overcast sky or a light tent), or top and grazing "
+    "(natural light that you give by --probes)"
 )
 MAX_NAMED = 3
 """Sub-folders that a message names at most."""
@@ -48,11 +48,12 @@ KINDS = {
     "overhead": Kind(
         "the same three lamps 12° from the normal, close to the camera", "how the gloss goes with the relief"
     ),
+    "slanting": Kind("the same three lamps 36° from the normal", "how the gloss goes with the colours and the relief"),
     "ambient": Kind("an overcast sky or a light tent", "how the gloss goes with the colours"),
     "daylight": Kind("daylight or light of a room that nobody measured", "the colours"),
 }
 """Name of the sub-folder → kind of photographs, all but `grazing` from above."""
-TELLING = frozenset({"flash", "coloured", "overhead", "raking"})
+TELLING = frozenset({"flash", "coloured", "overhead", "slanting", "raking"})
 """Kinds that tell every map, at least a little; the others hardly more than the colours."""
 OBSERVATIONS = (*MAPS, *KINDS)
 """Names of sub-folders: maps, and photographs by their light and camera."""
