@@ -4823,6 +4823,13 @@ PHOTOGRAPHED = (
         "training/test_evaluation.py::test_one_sample_is_not_compared_with_itself",
     ),
     mutant(
+        "reproduce: arms of other commits are compared without a word",
+        "reproduce/claim_results.py",
+        '"other commits": commits[0] != commits[1]',
+        '"other commits": False',
+        "reproduce/test_report.py::test_claims_say_in_what_else_their_arms_differ",
+    ),
+    mutant(
         "reproduce: data of another folder are taken",
         "reproduce/place.py",
         "if self.data is not None:\n            stem",

@@ -154,6 +154,22 @@ def test_what_is_undecided_may_lean(effects: tuple[float, ...], said: str) -> No
     assert ClaimResult(FIGURE.claims[0], effects, Spread(0.25, 4)).verdict_text == said
 
 
+def test_claims_say_in_what_else_their_arms_differ(report: Report) -> None:
+    assert report.claim_results[0].unlike == ()
+    for seed in (0, 1):
+        ours = report.results["ours", seed]
+        ours.file.write_text(json.dumps(ours.read() | {"seconds": 150.0}))
+    assert Report(FIGURE, report.results).claim_results[0].verdict_text == "holds (2.5 times the minutes)"
+    theirs = report.results["theirs", 0]
+    theirs.file.write_text(json.dumps(theirs.read() | {"environment": MADE | {"commit": "def5678"}}))
+    both = Report(FIGURE, report.results).claim_results[0]
+    assert both.unlike == ("other commits", "2.5 times the minutes")
+    undecided = replace(both, effects=(0.5, -0.1), spread=Spread(0.25, 4))
+    assert undecided.verdict_text == "undecided (seeds disagree; other commits; 2.5 times the minutes)"
+    ours_alone = {key: found for key, found in report.results.items() if key[0] == "ours"}
+    assert Report(FIGURE, ours_alone).claim_results[0].unlike == ()
+
+
 def test_the_spread_is_that_of_all_arms_and_twice_that_between_two(report: Report) -> None:
     ours, theirs = math.log(1.1 / 1.0) ** 2 / 2, math.log(2.1 / 2.0) ** 2 / 2
     spread = report.claim_results[0].spread

@@ -5,8 +5,8 @@ With three specular channels the maps are (B, 10, H, W): gold reflects red and b
     k_d = s_d σ(a),  k_s = s_s σ(b),  m = s_m σ(c)
 
 with scale factors s of the albedos and of the roughness for the whole material, which represent most of the variation
-between materials; the maps represent the variation within one. Normals are n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃)) / |…|,
-or those of a height with a scale factor. Their z is positive.
+between materials; the maps represent the variation within one. Normals are
+n = (2σ(d₁) - 1, 2σ(d₂) - 1, σ(d₃) + 0.05) / |…|, or those of a height with a scale factor. Their z is positive.
 """
 
 from __future__ import annotations

@@ -21,12 +21,14 @@ class ClaimResult:
         effects: one a seed that both arms have.
         spread: variance of such an effect between seeds.
         measured: the score of each arm that the claim names, the geometric mean over seeds.
+        unlike: in what else than the claim is about the two arms may differ: commits, minutes.
     """
 
     claim: Claim
     effects: tuple[float, ...]
     spread: Spread
     measured: Mapping[str, float] = field(default_factory=dict)
+    unlike: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -38,14 +40,13 @@ class ClaimResult:
 
     @property
     def verdict_text(self) -> str:
-        """The verdict; for an undecided claim also how many seeds agree with it."""
-        if self.verdict != "undecided" or len(self.effects) < 2:
-            return self.verdict
-        positive = [effect > 0 for effect in self.effects]
-        agreement = (
-            "all seeds in favour" if all(positive) else "seeds disagree" if any(positive) else "no seed in favour"
-        )
-        return f"undecided ({agreement})"
+        """The verdict, how many seeds agree with an undecided claim, and in what the two arms are unlike."""
+        remarks = [*self.unlike]
+        if self.verdict == "undecided" and len(self.effects) > 1:
+            positive = [effect > 0 for effect in self.effects]
+            some = "seeds disagree" if any(positive) else "no seed in favour"
+            remarks.insert(0, "all seeds in favour" if all(positive) else some)
+        return f"{self.verdict} ({'; '.join(remarks)})" if remarks else self.verdict
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Report:
         """Those of all claims, except claims about real collections of which there is no result."""
         real = {arm.name for arm in self.figure.real}
         found = [
-            ClaimResult(claim, self._effects(claim), self._spread(claim), self._measured(claim))
+            ClaimResult(claim, self._effects(claim), self._spread(claim), self._measured(claim), self._unlike(claim))
             for claim in self.figure.claims
         ]
         return tuple(one for one in found if one.effects or not {one.claim.better, one.claim.than} & real)
@@ -112,6 +113,17 @@ class Report:
         """Return the level of the scores of an arm, or of true samples, one a seed."""
         found = [self.truths[arm].values()] if arm in self.truths else [self.values[arm, s] for s in self.seeds(arm)]
         return [claim.level(values) for values in found if all(score in values for score in claim.scores)]
+
+    def _unlike(self, claim: Claim) -> tuple[str, ...]:
+        """Return whether the claim's two arms are of other commits, or trained for other times."""
+        both = [[self.results[arm, seed].read() for seed in self.seeds(arm)] for arm in (claim.better, claim.than)]
+        if not all(both):
+            return ()
+        commits = [{made["environment"]["commit"] for made in arm} for arm in both]
+        seconds = [mean(made["seconds"] for made in arm) for arm in both]
+        times = seconds[0] / max(seconds[1], 1e-9)
+        remarks = {"other commits": commits[0] != commits[1], f"{times:.1f} times the minutes": not 0.8 < times < 1.25}
+        return tuple(remark for remark, applies in remarks.items() if applies)
 
     def _measured(self, claim: Claim) -> dict[str, float]:
         levels = {arm: self._levels(claim, arm) for arm in (claim.better, claim.than) if arm}

@@ -26,8 +26,9 @@ PAPER_RECIPES = (
     "training). The paper does not mention averaging. All arms of this page, those of the paper's recipes too, were "
     "trained with it, so that scores depend less on the last few steps; what it changes was not measured for these "
     "recipes. `--ema-half-life 0` turns it off.",
-    "Divergence: a run whose numbers stop being finite returns once to its last checkpoint with half the learning "
-    "rate. The paper says nothing of diverged runs.",
+    "Divergence: a run whose numbers stop being finite, or whose images all look the same (five checks in a row their "
+    "deviation is under 2 % of the real ones'), returns once to its last checkpoint with half the learning rate. The "
+    "paper says nothing of diverged runs.",
 )
 """Of all recipes NAME-paper."""
 
@@ -61,9 +62,9 @@ PAPER_MATERIALS = (
     'way, so no detail is lost to resampling. `Rendering(space="image")` renders the perspective picture.',
     "No batch norm after the first convolution of a discriminator, where the paper has it after each layer: DCGAN, "
     "whose architecture it follows, found training unstable with it. The norm stands before the activation.",
-    "The generator ends in a 3² convolution of its own after the last doubling, before the sigmoid. Normals are 2σ - 1 "
-    "in x and y and σ in z, brought to unit length, so none points into the surface. Scale factors are a linear layer "
-    "of the code and a softplus. 0.005 is added to the roughness.",
+    "The generator ends in a 3² convolution of its own after the last doubling, before the sigmoid. Normals are 2σ - "
+    "1 in x and y and σ + 0.05 in z, brought to unit length, so none points into the surface. Scale factors are a "
+    "linear layer of the code and a softplus. 0.005 is added to the roughness.",
     'k_s is the reflectance at normal incidence (`fresnel="albedo"`), not a factor of the paper\'s F0 = (η - 1)²/(η + '
     "1)²: with η = 1.5 a k_s of 1 would reflect four per cent, which no metal does. The diffuse base gets only the "
     "light that is not reflected, k_d (1 - F), which eq. 2 leaves out, so that no surface reflects more light than it "

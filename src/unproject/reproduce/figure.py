@@ -85,7 +85,7 @@ class Claim:
 
 def ahead_of_paper(ours: str, paper: str, scores: tuple[str, ...]) -> Claim:
     """Return the claim that an arm has at most a third of the distance of the paper's recipe."""
-    text = "At most a third of the distance of the paper's own recipe in the same budget"
+    text = "At most a third of the distance of the paper's own recipe"
     return Claim(text, ours, paper, scores, factor=3, beyond_paper=True)
 
 

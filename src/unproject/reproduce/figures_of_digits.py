@@ -60,7 +60,7 @@ DIGITS = Figure(
         *near_direct("mnist", "MNIST"),
         ahead_of_paper("digits-known", "digits-paper", ("frechet",)),
         Claim(
-            "Predicted directions, up to the turn of each image: nearer than the paper's own recipe in the same budget",
+            "Predicted directions, up to the turn of each image: nearer than the paper's own recipe",
             "digits-predicted",
             "digits-predicted-paper",
             ("frechet_turned",),
@@ -73,8 +73,8 @@ DIGITS = Figure(
         "Embedded digits are 8² ones, enlarged; with `--data`, MNIST too.",
         "There are 1,500 embedded digits and one line integral of each. All arms but the paper's have the default "
         "flags of their commits.",
-        "Arms have the same minutes in the cpu budget: a step on lines takes a third of the time of a step on images, "
-        "so arms on lines have three times as many steps.",
+        "Arms have the same minutes in the cpu budget. A step on lines takes less time than one on images, so that "
+        "arms on lines have more steps, as the table of trainings says.",
         "Predicted directions of the modern recipe are 20 over a whole turn, not 10 over half of one, since an image "
         "may come out turned so far that its lines are read from the other end.",
         "MNIST's images themselves are of 1c1d91c and its unknown directions of 8b1c2a0, the paper's recipe of known "

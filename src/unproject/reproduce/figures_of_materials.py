@@ -30,10 +30,11 @@ WOOD_PAPER = Arm(
     "wood-multi-paper", "wood-paper", "wood", "500 of each map, 250 each from the top and grazing, the paper's recipe"
 )
 OTHER_LIGHT = (
-    "Modern arms have 125 renderings each under a flash, coloured lamps at 60° and at 12°, and ambient light, not 250 "
-    "each from the top and grazing under natural light: there renderings hardly change when maps are exchanged between "
-    "materials (docs/results.md). Recipe and light were chosen in some eighty trials, nearly all of arms with many "
-    "projections, of wood and of the data correlated by design, with training seeds 0 to 3."
+    "Modern arms, unless their description says otherwise, have 125 renderings each under a flash, coloured lamps at "
+    "60° and at 12°, and ambient light, not 250 each from the top and grazing under natural light: there renderings "
+    "hardly change when maps are exchanged between materials (docs/results.md). Recipe and light were chosen in some "
+    "eighty trials, nearly all of arms with many projections, of wood and of the data correlated by design, with "
+    "training seeds 0 to 3."
 )
 NARROW = (
     "In the cpu budget networks, batches and samples a pixel of the paper's recipe are smaller, equally in all its "

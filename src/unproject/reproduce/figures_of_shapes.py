@@ -75,8 +75,10 @@ def shapes_figure(name: str, data_set: str, real: tuple[Arm, ...], with_data: st
             f"The embedded {data_set} are a procedural data set, and their silhouettes are rendered; with `--data`, "
             f"{with_data}.",
             "32³ in the cpu budget; 64³, as in the paper, in the gpu budget.",
-            "This project's recipe makes shapes symmetric left to right and prefers solid ones and, where views are "
-            "predicted since 26 November 2026, rectangular plans and shapes that differ; the paper's does not.",
+            "This project's recipe makes shapes symmetric left to right and prefers solid ones; the paper's does not. "
+            "What `shapes` has beyond that since 23 November 2026 (views predicted jointly with the generator, the "
+            "best of three starts, preferences for rectangular plans, for shapes that differ and for one piece) arms "
+            "of commits before have not: the table of trainings says of which commit each is.",
             *((INITIAL_VIEWS_REASON,) if data_set in WITH_INITIAL_VIEWS else ()),
             NARROW,
         ),

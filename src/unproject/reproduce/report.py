@@ -22,14 +22,17 @@ HOW_TO_READ = (
     "The paper is Li, Dong, Peers, Tong, CVPR 2019. The figures of its supplemental material have no numbers: the "
     "thresholds of the claims are this project's, and a claim that does not name the paper's recipe is about this "
     "project's recipe. *Score* is the score of each arm that the claim compares: the geometric mean over seeds, and "
-    "over scores where there are several. Chamfer and Fréchet distances are squared. *Margin* is how many times better "
-    "than the threshold the score is: 1 just meets it, and where the threshold is a third of a distance, a margin of "
-    "1.5 is 4.5 times nearer. A claim holds, or does not hold, if the mean logarithm of its margins differs from 0 by "
-    "Student's t test, five per cent on either side, with the variance of the score's logarithm between the seeds of "
-    "an arm, pooled over the figure's arms of the same data. Otherwise it is undecided, as it is with fewer than two "
-    "seeds and where the mean margin is within two per cent of 1. Of twenty claims without any effect, two are decided "
-    "by chance. `--seeds 3` adds a seed; stored results are not computed again. A figure holds if all the paper's "
-    "claims hold. Where it does not hold, it was not reproduced here, with this budget."
+    "over scores where there are several. Chamfer and Fréchet distances are squared: a third of one is 0.58 of the "
+    "distance itself. *Margin* is how many times better than the threshold the score is: 1 just meets it, and where "
+    "the threshold is a third of a distance, a margin of 1.5 is 4.5 times nearer. A claim holds, or does not hold, if "
+    "the mean logarithm of its margins differs from 0 by Student's t test, five per cent on either side, with the "
+    "variance of the score's logarithm between the seeds of an arm, pooled over the figure's arms of the same data. "
+    "Otherwise it is undecided, as it is with fewer than two seeds and where the mean margin is within two per cent of "
+    "1. *Other commits*: the two arms were trained at different commits, whose recipes may differ in more than the "
+    "claim is about; *times the minutes*: the first arm was trained for so many times as long as the second. Of twenty "
+    "claims without any effect, two are decided by chance. `--seeds 3` adds a seed; stored results are not computed "
+    "again. A figure holds if all the paper's claims hold. Where it does not hold, it was not reproduced here, with "
+    "this budget."
 )
 HOW_MADE = (
     "`unproject reproduce` writes these results, and trains an arm again whose result is removed. Paths are shortened "
@@ -49,7 +52,7 @@ STRUCTURES_SHOWN = (
     "networks as built here, at the paper's sizes."
 )
 PAPER_ARMS = (
-    "Arms with the paper's recipe, which say what it reaches in the same budget. The verdicts on the paper's claims "
+    "Arms with the paper's recipe, which say what it reaches in this budget. The verdicts on the paper's claims "
     "come from them only where the claim names the paper's recipe."
 )
 DEVIATIONS_SHOWN = (

@@ -43,7 +43,8 @@ KINDS = {
     "lamp": Kind("one lamp, anywhere above", "the colours"),
     "raking": Kind("one lamp at the left, 60° from the normal", "a little of the relief"),
     "coloured": Kind(
-        "a red lamp at the left, a green and a blue one 120° and 240° on", "the relief and how maps go with it"
+        "three lamps 60° from the normal, red at the left, green at the lower right, blue at the upper right",
+        "the relief and how maps go with it",
     ),
     "overhead": Kind(
         "the same three lamps 12° from the normal, close to the camera", "how the gloss goes with the relief"
