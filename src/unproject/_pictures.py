@@ -28,6 +28,8 @@ OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
 BITS_PER_SAMPLE = 258  # TIFF's tag
 MOST_SHOWN = 2**24
 """Pixels of which more make a displayed picture be read at half its size, or a third, ..."""
+VOID, MOST_LABELS = 255, 32
+"""The label of what is no object and no ground, and values of a picture beyond which they are no labels."""
 Depth = Literal["uint8", "uint16", "half", "float"]
 
 
@@ -115,14 +117,21 @@ def _silenced() -> Iterator[None]:
     finally:
         with _silence:
             stderr = _silent.pop()
-            if not _silent:
+            if not _silent and stderr != CLOSED:
                 os.dup2(stderr, 2)
                 os.close(stderr)
 
 
+CLOSED = -1
+
+
 def _turned_off(descriptor: int) -> int:
-    """Let a descriptor write nowhere; return one that writes where it did."""
-    kept, nowhere = os.dup(descriptor), os.open(os.devnull, os.O_WRONLY)
+    """Let a descriptor write nowhere; return one that writes where it did, or `CLOSED` if it was closed."""
+    try:
+        kept = os.dup(descriptor)
+    except OSError:
+        return CLOSED
+    nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, descriptor)
     os.close(nowhere)
     return kept
@@ -225,6 +234,7 @@ def _displayed(picture: Image.Image) -> np.ndarray:
     if picture.mode.startswith(("I", "F")):
         _check_depth(picture)
         return _deep(ImageOps.exif_transpose(picture))
+    picture = _labels(picture) if picture.mode == "P" else picture
     transparent = "A" in picture.getbands() or "transparency" in picture.info
     grey = picture.mode in ("1", "L", "LA")
     mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
@@ -232,6 +242,19 @@ def _displayed(picture: Image.Image) -> np.ndarray:
     factor = math.ceil(math.sqrt(shown.width * shown.height / MOST_SHOWN))
     pixels = np.asarray(ImageOps.exif_transpose(shown.reduce(factor) if factor > 1 else shown))
     return pixels[..., None] if pixels.ndim == 2 else pixels
+
+
+def _labels(picture: Image.Image) -> Image.Image:
+    """Return a segmentation with a palette, as those of Pascal VOC are, as its labels; other pictures as they are.
+
+    Of its values, few, 255 is the void around objects, whatever colour it is shown in.
+    """
+    values = {value for _, value in picture.getcolors() or ()}
+    if VOID not in values or len(values) > MOST_LABELS or "transparency" in picture.info:
+        return picture
+    labels = picture.copy()
+    labels.putpalette([value for value in range(256) for _ in "RGB"])
+    return labels.convert("L")
 
 
 def _check_one(picture: Image.Image) -> None:

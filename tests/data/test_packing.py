@@ -60,7 +60,8 @@ def test_a_pack_holds_what_the_folder_is_read_as(masks: Path, monkeypatch: pytes
     turned = (folder.latents["azimuth"] - packed.latents["azimuth"]) / (2 * math.pi)
     assert torch.allclose(turned, turned.round(), atol=1e-6) and turned.sum() == pytest.approx(2)
     assert done[0] == (0, COUNT) and done[-1] == (COUNT, COUNT) and (made.count, made.shape) == (9, (1, 16, 16))
-    assert side_of(made.path) == side_of(masks) == 40 and picture_count(made.path) == picture_count(masks) == COUNT
+    assert (side_of(made.path), side_of(masks)) == (16, 40)  # of what it holds: no more can be learned from it
+    assert picture_count(made.path) == picture_count(masks) == COUNT
     assert [file.name for file in masks.parent.iterdir() if file.name.startswith(".")] == []
 
 

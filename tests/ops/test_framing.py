@@ -46,6 +46,26 @@ def test_a_box_is_where_half_of_the_maximum_is_reached() -> None:
     assert [edge.item() for edge in bounding_box(torch.zeros(1, 1, 6, 9))] == [0, 6, 0, 9]
 
 
+@pytest.mark.parametrize("cover", [0.13, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("end", [30.0, 30.5])
+def test_a_leg_that_covers_a_part_of_each_pixel_belongs_to_the_box(cover: float, end: float) -> None:
+    table = torch.outer(covered(5, 9), covered(4, 34))
+    leg = torch.outer(covered(9, end), cover * covered(10, 11))
+    box = bounding_box((table + leg)[None, None], thin=True)
+    assert [edge.item() for edge in box] == pytest.approx([5, end, 4, 34], abs=0.6)
+    plain = bounding_box((table + leg)[None, None])
+    assert plain.bottom.item() == pytest.approx(end if cover > 0.5 else 9, abs=0.7)
+
+
+def test_boxes_with_thin_parts_are_those_of_thick_ones_and_leave_haze_out() -> None:
+    for row in (6.0, 6.5, 6.9):
+        plain, thin = (bounding_box(boot(20, row, 9.25), thin=thin) for thin in (False, True))
+        torch.testing.assert_close(torch.cat(list(thin)), torch.cat(list(plain)), atol=0.06, rtol=0)
+    hazy = bounding_box(0.2 * boot(20, 6, 9) + 0.01, thin=True)
+    assert torch.cat(list(hazy)).tolist() == pytest.approx([6, 21, 9, 29], abs=0.3)
+    assert [edge.item() for edge in bounding_box(torch.zeros(1, 1, 6, 9), thin=True)] == [0, 6, 0, 9]
+
+
 # One picture of every size and place
 
 
@@ -106,7 +126,7 @@ def test_the_box_is_a_constant_for_gradients(monkeypatch: pytest.MonkeyPatch) ->
     weights = torch.randn(1, 1, 12, 12, generator=generator_at(1), dtype=torch.float64)
     (gradient,) = torch.autograd.grad((framed(picture, 12) * weights).sum(), picture)
     box = bounding_box(picture)
-    monkeypatch.setattr(framing, "bounding_box", lambda _: box)
+    monkeypatch.setattr(framing, "bounding_box", lambda _, thin=False: box)
     up, down = (framed(picture.detach() + step * direction, 12) for step in (1e-6, -1e-6))
     inside = (up > 0) & (down > 0) & (up < 1) & (down < 1)  # elsewhere the result is clamped
     weights = weights * inside

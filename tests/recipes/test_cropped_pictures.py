@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from PIL import Image
 from unproject._types import UserError
 from unproject.adversarial.regularisers import Centred, Regularisers
 from unproject.assignment import JointlyPredicted
-from unproject.data import chairs
+from unproject.data import ReadOptions, chairs, pack
 from unproject.domains import Volumes
 from unproject.ops import bounding_box, level_of_thin_parts
 from unproject.projections.cropped import Cropped
@@ -68,6 +69,51 @@ def test_thin_parts_of_cut_outs_are_learned_in_one_piece(tmp_path: Path) -> None
     thin, thick = (only_panel(shapes(data=tmp_path / name, **SMALL)) for name in ("thin", "thick"))
     assert thin.projection.level < 0.5 == thick.projection.level
     assert level_of_thin_parts(thin.collections[0].floats()) == 0.5
+
+
+def stools(folder: Path, leg: int) -> Path:
+    """Twelve stools of 400 by 220 to 286 pixels, whose legs are `leg` pixels wide."""
+    folder.mkdir()
+    for k in range(12):
+        picture, width = np.zeros((512, 512), np.uint8), 220 + 6 * k
+        picture[40:80, 60 : 60 + width] = 255
+        for left in (70, 50 + width - leg):
+            picture[40:440, left : left + leg] = 255
+        Image.fromarray(picture).save(folder / f"{k:02d}.png")
+    return folder
+
+
+@pytest.mark.parametrize("leg", [4, 12])
+def test_thin_legs_count_as_the_object_in_a_folder_and_in_its_pack(leg: int, tmp_path: Path) -> None:
+    """Legs of 0.15 and 0.45 pixels: without them the stools would be learned as plates, a fifth of the frame wide."""
+    folder = stools(tmp_path / "stools", leg)
+    pack(folder, tmp_path / "stools.npz", ReadOptions(32))
+    for data in (folder, tmp_path / "stools.npz"):
+        made = shapes(data=data, **SMALL)
+        assert only_projection(made).height == 0.85
+        shown = only_panel(made).collections[0].floats()
+        assert (shown[:, 0, 8:12].amax((1, 2)) >= 0.1).all() and shown[:, 0, 10].amax(1).max() < 1
+
+
+def test_what_is_too_long_for_the_frame_is_said(tmp_path: Path) -> None:
+    for k in range(5):
+        picture = np.zeros((300, 300), np.uint8)
+        picture[140:160, 20 : 180 + 20 * k] = 255
+        Image.fromarray(picture).save(tmp_path / f"{k}.png")
+    with pytest.warns(UserWarning, match="many pictures are over 4.5 times as wide as high: they are cut at both"):
+        shapes(data=tmp_path, **SMALL)
+
+
+def test_pictures_that_are_skipped_are_said(masks: Path) -> None:
+    (masks / "broken.png").write_bytes(b"no picture")
+    with pytest.warns(UserWarning, match="1 of 6 skipped, the first: broken.png: unreadable"):
+        shapes(data=masks, **SMALL)
+
+
+@pytest.mark.parametrize("bands, hull", [(None, 2.0), (1, 2.0), (3, False)])
+def test_hulls_are_sampled_of_level_cameras_alone(bands: int | None, hull: float | bool, known_masks: Path) -> None:
+    generator = shapes(data=known_masks, views="known", bands=bands, **SMALL).generator
+    assert isinstance(generator, partial) and generator.keywords["hull"] == hull
 
 
 def test_arrays_of_pictures_of_many_sizes_are_not(masks: Path) -> None:

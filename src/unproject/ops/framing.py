@@ -1,7 +1,9 @@
 """Framing: silhouettes cropped to their object, so that its size and place do not matter.
 
 1. Box. The profile of an axis is the largest value of each row (column). The box runs from the first to the last place
-   where the profile crosses ½ of its maximum, linearly between pixels: of a binary picture, its bounding box.
+   where the profile crosses ½ of its maximum, linearly between pixels: of a binary picture, its bounding box. With thin
+   parts, which cover less than half of any pixel, it runs from where the profile crosses ½ of the largest of the
+   first three values that are at least 0.1 of its maximum.
 2. Crop. The box is scaled until it is `height` of the frame high, or `width` of it wide, whichever comes first, and
    centred; aspect is kept. With one number for both it is the rule by which `data.frame` crops pictures of a folder.
 3. Resampling. Each pixel of the result is the share of its area that is covered; outside the picture is 0.
@@ -21,6 +23,8 @@ from .resampling import centres, sample_volume
 
 STEEP = 0.25
 """The least step between two pixels of a profile whose crossing is placed between them."""
+FAINT, EDGE = 0.1, 3
+"""Share of the profile's maximum from which on something is there, and pixels that a soft edge takes at most."""
 
 
 class Box(NamedTuple):
@@ -52,8 +56,12 @@ class Box(NamedTuple):
         return (self.top + self.bottom) / 2, (self.left + self.right) / 2
 
 
-def bounding_box(silhouettes: Tensor, differentiable: bool = False) -> Box:
+def bounding_box(silhouettes: Tensor, differentiable: bool = False, thin: bool = False) -> Box:
     """Return the boxes of silhouettes (B, 1, H, W); of an empty one the whole picture; without gradient, or with it.
+
+    Args:
+        differentiable: with gradient.
+        thin: with thin parts, such as legs of a table that cover a third of each pixel. Not for what has haze.
 
     Examples:
         >>> import torch, unproject as up
@@ -65,31 +73,44 @@ def bounding_box(silhouettes: Tensor, differentiable: bool = False) -> Box:
     if not differentiable:
         silhouettes = silhouettes.detach()
     rows, columns = silhouettes[:, 0].amax(2), silhouettes[:, 0].amax(1)
-    return Box(*_extent(rows), *_extent(columns))
+    return Box(*_extent(rows, thin), *_extent(columns, thin))
 
 
-def _extent(profile: Tensor) -> tuple[Tensor, Tensor]:
+def _extent(profile: Tensor, thin: bool) -> tuple[Tensor, Tensor]:
     """Return where profiles (B, N) first and last cross half of their maximum, in pixels from the start."""
-    return _first(profile), profile.shape[1] - _first(profile.flip(1))
+    return _first(profile, thin), profile.shape[1] - _first(profile.flip(1), thin)
 
 
-def _first(profile: Tensor) -> Tensor:
-    level = profile.amax(1, keepdim=True) / 2
+def _first(profile: Tensor, thin: bool) -> Tensor:
+    level, steep = profile.amax(1, keepdim=True) / 2, profile.new_tensor(STEEP)
+    if thin:
+        highest = _first_height(profile)
+        level, steep = torch.maximum(highest / 2, 2 * FAINT * level), STEEP * highest
     at = (profile >= level).to(torch.uint8).argmax(1, keepdim=True)
     here = profile.gather(1, at)
     before = torch.where(at > 0, profile.gather(1, (at - 1).clamp_min(0)), torch.zeros_like(here))
     # The centres of this pixel and of the one before lie half a pixel from their common edge: a full pixel beside an
     # empty one begins at the edge.
-    crossing = at + 0.5 - (here - level) / (here - before).clamp_min(STEEP)
+    crossing = at + 0.5 - (here - level) / torch.maximum(here - before, steep)
     return torch.where(level > 0, crossing, torch.zeros_like(crossing))[:, 0]
 
 
-def framed(silhouettes: Tensor, size: int, height: float = 0.85, width: float | None = None) -> Tensor:
+def _first_height(profile: Tensor) -> Tensor:
+    """Return the largest of the first values of profiles (B, N) that are not faint, (B, 1)."""
+    first = (profile >= FAINT * profile.amax(1, keepdim=True)).to(torch.uint8).argmax(1, keepdim=True)
+    at = (first + torch.arange(EDGE, device=profile.device)).clamp_max(profile.shape[1] - 1)
+    return profile.gather(1, at).amax(1, keepdim=True)
+
+
+def framed(
+    silhouettes: Tensor, size: int, height: float = 0.85, width: float | None = None, thin: bool = False
+) -> Tensor:
     """Return silhouettes (B, 1, H, W) cropped, scaled and centred, (B, 1, size, size); differentiable.
 
     Args:
         size: pixels a side of the result.
         height, width: of the object at most, as shares of the frame (default of the width: the height).
+        thin: thin parts belong to the object, as in `bounding_box`.
 
     Examples:
         >>> import torch, unproject as up
@@ -99,7 +120,7 @@ def framed(silhouettes: Tensor, size: int, height: float = 0.85, width: float | 
         >>> bool(torch.allclose(a, b, atol=1e-5)), a.mean().item()
         (True, 0.5625)
     """
-    box = bounding_box(silhouettes)
+    box = bounding_box(silhouettes, thin=thin)
     pixel = torch.maximum(box.height / height, box.width / (width or height)) / size
     return resampled(silhouettes, box.centre, pixel, size)
 
@@ -134,7 +155,7 @@ def common_fill(silhouettes: Tensor, tolerance: float = 0.05, share: float = 0.9
         >>> up.ops.common_fill(masks) is None, up.ops.common_fill(up.ops.framed(masks, 32, 0.75))
         (True, 0.75)
     """
-    box, (height, width) = bounding_box(silhouettes), silhouettes.shape[2:]
+    box, (height, width) = bounding_box(silhouettes, thin=True), silhouettes.shape[2:]
     row, column = box.centre
     longer = box.longer.median()
     off = torch.stack([(row - height / 2).abs(), (column - width / 2).abs(), (box.longer - longer).abs()])
@@ -142,10 +163,14 @@ def common_fill(silhouettes: Tensor, tolerance: float = 0.05, share: float = 0.9
     return round(float(longer) / height, 3) if cropped else None
 
 
-def common_height(silhouettes: Tensor, width: float = 0.9, share: float = 0.9, least: float = 0.2) -> float:
-    """Return the height, as a share of the frame, at which a `share` of silhouettes is at most `width` of it wide.
+LEAST_HEIGHT, WIDEST = 0.2, 0.9
+"""The least height that silhouettes are framed to, and how wide most of them are then at most, shares of the frame."""
 
-    It is at most 0.85 and at least `least`.
+
+def common_height(silhouettes: Tensor, share: float = 0.9) -> float:
+    """Return the height, as a share of the frame, at which a `share` of silhouettes is at most 0.9 of it wide.
+
+    It is at most 0.85 and at least 0.2.
 
     Examples:
         >>> import torch, unproject as up
@@ -154,9 +179,9 @@ def common_height(silhouettes: Tensor, width: float = 0.9, share: float = 0.9, l
         >>> up.ops.common_height(masks)
         0.3
     """
-    box = bounding_box(silhouettes)
+    box = bounding_box(silhouettes, thin=True)
     aspect = torch.quantile(box.width / box.height, share).item()
-    return round(min(max(width / aspect, least), 0.85), 3)
+    return round(min(max(WIDEST / aspect, LEAST_HEIGHT), 0.85), 3)
 
 
 def unit_sized(x: Tensor, side: float = 0.8) -> Tensor:

@@ -117,5 +117,5 @@ class Cropped(Projection):
 
     def prepare(self, y: Tensor) -> Tensor:
         """Return silhouettes (N, 1, H, W) framed to the common height, with thin parts."""
-        small = framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf)
+        small = framed(y, self.silhouette.size or y.shape[-1], self.height, width=math.inf, thin=True)
         return with_thin_parts(small, self.level)

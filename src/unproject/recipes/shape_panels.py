@@ -21,7 +21,7 @@ from ..data import Collection, chairs, holds_materials, mapped, observe, plane_o
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.feet import ROUND, round_feet
-from ..ops.framing import common_fill, common_height
+from ..ops.framing import LEAST_HEIGHT, WIDEST, common_fill, common_height
 from ..ops.outlines import LEVEL, level_share
 from ..ops.thin_parts import level_of_thin_parts
 from ..projections.base import Projection
@@ -130,8 +130,11 @@ def pictures_of(
     if not by_reader and common_fill(some) is None:
         return collection, observations, round_feet(some[spread_rows(len(some), FEET)])
     larger = collection if data is None else read(data, size=2 * collection.shape[-1])
-    cropped = Cropped(silhouette, common_height(some))
     some = some_of(larger)
+    cropped = Cropped(silhouette, common_height(some))
+    if cropped.height == LEAST_HEIGHT:
+        times = f"{WIDEST / LEAST_HEIGHT:.1f} times as wide as high"
+        warnings.warn(f"{larger.source}: many pictures are over {times}: they are cut at both sides", stacklevel=2)
     cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some)))
     feet = round_feet(some[spread_rows(len(some), FEET)])
     return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), feet
@@ -206,7 +209,7 @@ def read_or_make(data: Path | None, size: int) -> Collection:
         made = f"making {PROCEDURAL_CHAIRS} chairs of {size}³ voxels takes"
         require_memory_to_train(2 * 4 * PROCEDURAL_CHAIRS * size**3, made, "lower --size or give --data")
         return Collection(chairs(PROCEDURAL_CHAIRS, size, seed=0))
-    found = read(data, size=size)
+    found = read(data, size=size).warn_skipped()
     if len(found.shape) != 3:
         raise UserError(f"{data}: holds line integrals; shapes are learned from pictures or volumes")
     return found

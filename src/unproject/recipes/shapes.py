@@ -123,11 +123,11 @@ def shapes(
     """
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     collection, seen, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
-    plane = mirror_of(mirror, views, collection)
+    plane, level = mirror_of(mirror, views, collection), views != "direct" and bands in (None, 1)
     how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
     panel = split_panel(views, bands, seen, collection, how, seed if augment else None, flips)
     return Recipe(
-        generator=generator_of(panel.shape[-1], channels, rank, plane, hull=False if views == "direct" else density),
+        generator=generator_of(panel.shape[-1], channels, rank, plane, hull=density if level else False),
         discriminator=discriminator_of(views == "direct"),
         panels=[panel],
         domain=Volumes(sized=seen[0].projection == silhouette),

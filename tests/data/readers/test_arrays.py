@@ -219,6 +219,19 @@ def test_dark_masks_on_a_light_ground_are_inverted(tmp_path: Path, suffix: str, 
     assert Collection.images(path).floats()[:, 0, 0, 0].eq(1).all()  # pictures as they are
 
 
+@pytest.mark.parametrize("suffix", ["npz", "npy"])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_grey_pictures_of_several_channels_are_masks(tmp_path: Path, suffix: str, channels: int) -> None:
+    path, masks = tmp_path / f"masks.{suffix}", blocks()
+    masks[2] = 0
+    inverted = np.stack([255 - masks] * 3 + [np.full_like(masks, 255)], -1)[..., :channels]
+    np.savez(path, masks=inverted) if suffix == "npz" else np.save(path, inverted)
+    with pytest.warns(UserWarning, match="most masks are bright along their border"):
+        found = Collection.silhouettes(path)
+    assert [name for name, _ in found.skipped] == ["00002"]
+    assert torch.equal(found.floats()[:, 0] > 0.5, torch.from_numpy(np.delete(masks, 2, 0) > 0))
+
+
 @pytest.mark.parametrize("high", [1, 20, 127])
 def test_labels_are_masks(tmp_path: Path, high: int) -> None:
     np.savez(tmp_path / "labels.npz", masks=blocks(high=high))

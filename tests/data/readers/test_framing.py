@@ -203,6 +203,31 @@ def test_masks_whose_border_is_clear_tell_the_usual_polarity() -> None:
     assert Framing(polarity="dark").as_most([wide]) == Framing(polarity="dark")
 
 
+def vase(foot: float) -> np.ndarray:
+    """A dark vase (300, 300, 1) on a light ground, which stands on the border with a foot so many pixels wide."""
+    picture = disc(300, 300, 170, 150, 80)
+    picture[230:, 150 - round(foot / 2) : 150 + round(foot / 2)] = 1
+    return 1 - picture[..., None]
+
+
+@pytest.mark.parametrize("foot", [28, 80])
+@pytest.mark.parametrize("standing", [6, 10])
+def test_what_stands_on_the_border_tells_its_polarity(foot: float, standing: int) -> None:
+    clear = 1 - disc(300, 300, 150, 150, 80)[..., None]
+    folder = [vase(foot)] * standing + [clear] * (10 - standing)
+    rule = Framing().as_most(folder)
+    assert rule == Framing(undecided="dark")
+    assert all(frame(picture, 32, rule).background == "light" for picture in folder)
+
+
+def test_the_corners_of_a_close_crop_tell_none() -> None:
+    """A light box whose rounded corners are all that is dark: these take more of the border than of the picture."""
+    y, x = np.abs(np.mgrid[:60, :60] - 29.5)
+    box = (np.hypot((y - 24).clip(0), (x - 24).clip(0)) < 6).astype(np.float32)[..., None]
+    assert 0 < 1 - box.mean() < 0.02
+    assert Framing().as_most([box] * 5) == Framing(close=True)
+
+
 def test_of_a_folder_of_close_crops_no_border_tells() -> None:
     """A box seen from its side fills the border whole, and what it leaves free would pass for a dark object."""
     tight, box = letter(), np.ones((40, 30, 1))
@@ -233,6 +258,14 @@ def test_the_void_around_labels_is_no_object(labels: tuple[int, ...]) -> None:
     for label in labels:
         picture[disc(100, 100, 50, 60, 22 - 5 * labels.index(label)) > 0] = label
     assert torch.equal(frame(picture / 255, 32).image, frame(disc(100, 100, 50, 60, 22), 32).image)
+
+
+@pytest.mark.parametrize("labels", [(1, 2), (1, 2, 3), (14, 15)])
+def test_labels_of_parts_are_one_object(labels: tuple[int, ...]) -> None:
+    picture = np.zeros((100, 100), np.float32)
+    for k, label in enumerate(labels):
+        picture[disc(100, 100, 50, 60, 25 - 6 * k) > 0] = label / 255
+    assert torch.equal(frame(picture, 32).image, frame(disc(100, 100, 50, 60, 25), 32).image)
 
 
 def test_noise_near_the_background_is_no_label() -> None:

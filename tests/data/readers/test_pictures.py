@@ -69,6 +69,20 @@ def test_modes_of_pictures_agree(tmp_path):
     assert len(found) == 7 and (found.items == found.items[:1]).all()
 
 
+def test_a_segmentation_with_a_palette_is_its_labels(tmp_path):
+    labels = np.zeros((40, 40), np.uint8)
+    labels[10:30, 10:30], labels[9, 10:30], labels[:6, :6] = 15, 255, 255  # an object, and void: a rim, a patch
+    picture = Image.fromarray(labels)
+    colours = [0] * 768
+    colours[45:48], colours[765:] = (192, 128, 128), (224, 224, 192)  # as Pascal VOC shows them
+    picture.putpalette(colours)
+    picture.save(tmp_path / "voc.png")
+    mask = np.where(labels == 15, 255, 0).astype(np.uint8)
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    found = read(tmp_path, 32).floats()
+    assert torch.equal(found[0], found[1])
+
+
 def test_sixteen_bits_are_shares_of_65535(tmp_path):
     Image.fromarray(np.full((8, 8), 16384, np.uint16)).save(tmp_path / "a.png")
     assert np.allclose(read_displayed(tmp_path / "a.png"), 0.25, atol=1e-4)

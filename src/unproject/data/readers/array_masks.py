@@ -21,21 +21,27 @@ GREY = 0.02
 """Mean difference of channels up to which three of them are one."""
 
 
-def refuse_colours(path: Path, key: str, pictures: Tensor) -> None:
-    """Refuse pictures (N, 3 or 4, H, W) in colour: nobody has told the object from what is around it.
+def without_colours(path: Path, key: str, pictures: Tensor) -> Tensor:
+    """Return grey pictures as masks (N, 1, H, W), cut-outs (N, 4, H, W) as they are.
 
     Raises:
-        UserError: saying what to give instead.
+        UserError: if they are in colour and opaque: nobody has told the object from what is around it. It says what to
+            give instead.
     """
-    if pictures.shape[1] < 3:
-        return
+    if pictures.shape[1] == 1 or pictures.shape[1] == 4 and not _opaque(pictures):
+        return pictures
     some = pictures[spread_rows(len(pictures), 64)][:, :3].float()
-    opaque = pictures.shape[1] == 3 or bool((pictures[:, 3] == pictures[:, 3].max()).all())
-    if opaque and (some.amax(1) - some.amin(1)).mean() > GREY * max(float(some.max()), 1e-6):
+    if (some.amax(1) - some.amin(1)).mean() > GREY * max(float(some.max()), 1e-6):
         raise UserError(
             f"{path}: {key}: colour pictures are no masks; give masks, alpha as a fourth channel, or a folder of the "
             "pictures, in which objects are told from a plain backdrop (of surfaces: see materials)"
         )
+    return pictures[:, :1]
+
+
+def _opaque(pictures: Tensor) -> bool:
+    """Whether the fourth channel is one value."""
+    return bool((pictures[:, 3] == pictures[:, 3].max()).all())
 
 
 def warn_of_axes(path: Path, key: str, shape: tuple[int, ...]) -> None:
@@ -76,7 +82,7 @@ def masks_of(path: Path, key: str, found: Found, pictures: Tensor, options: Read
         if are_inverted(pictures, white):
             warn_of_inversion(path, key)
             pictures = white - pictures
-    if framing == AS_GIVEN and channels != 3:
+    if framing == AS_GIVEN:
         found, rows = shown_rows(path, key, found, pictures, options.strict)
         pictures = pictures if rows is None else pictures[rows]
     if framing == AS_GIVEN and channels == 1 and (options.size is None or sides == [options.size] * 2):

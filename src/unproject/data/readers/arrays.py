@@ -27,7 +27,7 @@ from ..._files import check_regular, check_unpacked
 from ..._pictures import LONGEST
 from ..._types import UserError
 from ..lazy import Lazy
-from .array_masks import are_inverted, masks_of, refuse_colours, shown_rows, warn_of_axes, warn_of_inversion
+from .array_masks import are_inverted, masks_of, shown_rows, warn_of_axes, warn_of_inversion, without_colours
 from .found import Found, chunks, to_bytes, to_floats, white_of, without
 from .framing import AS_GIVEN, frame
 from .images import as_images
@@ -65,7 +65,7 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
         return occupied(found._replace(items=_volumes(path, key, values)), options.size, options.strict)
     pictures = _channels_first(path, key, values)
     if not options.images:
-        refuse_colours(path, key, pictures)
+        pictures = without_colours(path, key, pictures)
         warn_of_axes(path, key, tuple(values.shape))
     if isinstance(stored, np.memmap):
         return _in_file(path, key, found, pictures, options)
@@ -288,7 +288,7 @@ def _in_file(path: Path, key: str, found: Found, pictures: Tensor, options: Read
     if inverted:
         warn_of_inversion(path, key)
     rows = None
-    if pictures.shape[1] != 3 and pictures.nbytes < LARGEST_SEARCHED:
+    if pictures.nbytes < LARGEST_SEARCHED:
         found, rows = shown_rows(path, key, found, pictures, options.strict, inverted)
     if pictures.shape[1:] == (1, size, size) and not inverted:
         return found._replace(items=Lazy(pictures, rows), white=white)

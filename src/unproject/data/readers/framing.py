@@ -6,8 +6,9 @@
    coverage near 0 outside the object: the polarity is read off the border. Of a mask whose object takes more than a
    tenth of the border, as close crops are, it is that of most masks of the folder whose border tells it; where most
    are so close, all show light objects. `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1) is
-   of all. What has two values alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1. Beside a few
-   labels of nearly the background's value, 255 is the void around objects, as segmentations mark it, and left out.
+   of all. What has two values alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1. So has a few
+   labels of nearly the background's value, all of which are the object. Beside these, 255 is the void around objects,
+   as segmentations mark it, and left out.
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
    least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph of whose border nearly
@@ -48,9 +49,9 @@ LABELS, NEAR = 4, 0.1
 """Values at most of a segmentation in one picture, and how far from the background its labels are."""
 ANOTHER = 0.2
 """Size from which on a part counts as another object, of the largest part's."""
-TOUCHED, CLEAR, SPECK = 0.1, 0.02, 1e-3
-"""Shares of a mask's border that its object takes: beyond the first the border does not tell the polarity, up to the
-second it surely does. And the size of dirt, of the largest part's."""
+TOUCHED, SPECK = 0.1, 1e-3
+"""Share of a mask's border that its object takes, beyond which the border does not tell the polarity. And the size of
+dirt, of the largest part's."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class Framing:
             coverage, background = coverage_of(picture)
             if background != "transparent" and is_mask(coverage):
                 masks += 1
-                told += [background] if _border(coverage >= 0.5).mean() <= CLEAR else []
+                told += [background] if _is_told(coverage >= 0.5) else []
         close = masks > 2 * len(told)
         dark = told.count("light") > told.count("dark") and not close
         return replace(self, undecided="dark" if dark else "light", close=close)
@@ -131,6 +132,15 @@ class Framed:
     height: int
     cut: bool = False
     parts: int = 1
+
+
+def _is_told(mask: np.ndarray) -> bool:
+    """Whether the border tells the polarity of a mask: its object takes little of it, and less than of the picture.
+
+    What stands on the border takes a smaller share of it than of the picture; the ground in the corners of a picture
+    that was cut closely, taken for the object, a larger one.
+    """
+    return bool(_border(mask).mean() <= min(TOUCHED, mask.mean()))
 
 
 def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Framed:
@@ -181,8 +191,8 @@ def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.nd
 def _without_void(distance: np.ndarray) -> np.ndarray:
     """Of a segmentation's labels the objects', as coverage 0 and 1; other distances (H, W) as they are."""
     labels, highest = (distance > 0) & (distance < NEAR), distance.max()
-    void = distance == highest
-    if highest < NEAR or labels.sum() <= void.sum() or not (labels | void | (distance == 0)).all():
+    void = (distance == highest) & ~labels
+    if labels.sum() <= void.sum() or not (labels | void | (distance == 0)).all():
         return distance
     return labels.astype(np.float32) if len(np.unique(distance)) <= LABELS else distance
 

@@ -146,7 +146,8 @@ def _columns_of_pack(path: Path) -> dict[str, np.ndarray] | None:
 def _of_npz(path: Path) -> int | None:
     arrays = StoredArrays(path)
     if {*PACK} <= {*arrays}:
-        return int(arrays["side"]) or None
+        stored = [min(shape[-2:]) for key, shape in arrays.shapes.items() if key in PICTURES]
+        return min(int(arrays["side"]), *stored) or None
     if is_shape_archive(path):
         return int(np.atleast_1d(arrays["shape"])[-1])
     shapes = arrays.shapes
