@@ -214,6 +214,8 @@ def test_the_format_is_the_domains_own_unless_it_is_said(tmp_path, capsys):
         Image.new("RGB", (32, 32), (value,) * 3).save(tmp_path / "bark" / f"bark_{name}.png")
     assert main(["export", str(tmp_path / "bark"), "--out", str(tmp_path / "b")]) == 0
     assert {file.suffix for file in (tmp_path / "b").rglob("*") if file.is_file()} >= {".png"}
+    for to in ("png", "npz"):
+        assert main(["export", str(tmp_path / "bark"), "--to", to, "--out", str(tmp_path / to)]) == 0
     (tmp_path / "empty").mkdir()
     assert main(["export", str(tmp_path / "empty"), "--out", str(tmp_path / "c")]) == 2
     assert "not a run directory" in capsys.readouterr().err

@@ -69,6 +69,15 @@ def test_pictures_and_strips(maps: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert "s.gif: 4 pictures of 12×12" in capsys.readouterr().out
 
 
+def test_photographs_are_no_materials_to_render(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("flash", "coloured"):
+        (tmp_path / "photos" / name).mkdir(parents=True)
+        Image.new("RGB", (16, 16), (120, 90, 60)).save(tmp_path / "photos" / name / "a.png")
+    assert main(["render", str(tmp_path / "photos"), "--out", str(tmp_path / "a.png")]) == 2
+    said = capsys.readouterr().err
+    assert "photos: holds pictures by what they show (flash, coloured), no materials; `unproject train" in said
+
+
 def test_textures_of_gold_are_golden_if_asked_for(tmp_path: Path) -> None:
     """Rendered and exported; without the flag they have gold's luminance."""
     gold = tmp_path / "gold"

@@ -197,7 +197,7 @@ def test_photographs_taken_for_silhouettes_are_told_of_materials(tmp_path: Path,
 
 def archive(path: Path) -> Path:
     maps = {name: value.numpy() for name, value in unpack_maps(wood(2, 64)).items()}
-    np.savez(path, **maps)  # pyright: ignore[reportArgumentType]
+    np.savez(path, fresnel="albedo", **maps)  # pyright: ignore[reportArgumentType]
     return path
 
 

@@ -26,7 +26,7 @@ from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
 from unproject.recipes import find, names
-from unproject.recipes.held_out import held_out
+from unproject.recipes.held_out import held_out, reference_of
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, natural_light, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.testing import check_prior, check_projection
@@ -242,6 +242,20 @@ def test_a_coloured_metal_is_scored_against_coloured_ones() -> None:
     assert unpack_maps(found)["specular"].std(1).max() > 0.05
     torch.testing.assert_close(Maps().comparable(found, plain)[:, 3:], plain[:, 3:], atol=1e-6, rtol=0)
     assert Maps().comparable(plain, found).shape == found.shape and Maps().comparable(found, found) is found
+
+
+def test_textures_are_compared_as_patches_if_patches_were_learned(tmp_path: Path) -> None:
+    """A weave of 16 threads a side: at 16 pixels whole textures are grey, patches are not."""
+    stripes = np.kron(np.arange(256)[None] // 8 % 2, np.ones((256, 1))).astype(np.uint8) * 255
+    for name in ("one", "two"):
+        for role in ("diffuse", "roughness"):
+            (tmp_path / "sets" / name).mkdir(parents=True, exist_ok=True)
+            Image.fromarray(stripes).save(tmp_path / "sets" / name / f"{role}.png")
+    learned = wood_materials(data=tmp_path / "sets", **TOY).origin
+    patches = reference_of(Maps(), learned, tmp_path / "sets", 16, 5)
+    whole = reference_of(Maps(), wood_materials(**TOY).origin, tmp_path / "sets", 16, 5)
+    assert patches.shape == (5, 10, 16, 16) and whole.shape == (2, 10, 16, 16)
+    assert whole[:, 0].std() < 0.05 < patches[:, 0].flatten(1).std(1).median()
 
 
 def test_a_coloured_metal_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,15 +25,18 @@ class Materials(NamedTuple):
 
 def read_maps(path: Path, size: int | None = None, coloured: bool = False) -> Materials:
     """Of an .npz or of folders of textures, with three specular channels if `coloured`; an .npz has what it has."""
-    from ..data import Collection, Convention
+    from ..data import Collection, Convention, holds_textures, photographed
     from ..data.readers.arrays import load_arrays
+    from ..data.readers.textures import fresnel_of
 
     if (path / "recipe.json").is_file():
         raise UserError(f"{path}: is a run; `unproject sample {path} --out materials.npz` makes materials of it first")
+    if path.is_dir() and (lights := photographed(path)) and not holds_textures(path):
+        raise UserError(
+            f"{path}: holds pictures by what they show ({', '.join(lights)}), no materials; `unproject train materials "
+            f"--data {path}` learns materials from them"
+        )
     found = Collection.materials(path, size, convention=Convention(specular="colour") if coloured else None)
     if path.suffix.lower() != ".npz":
         return Materials(found.items, "albedo", found.skipped)
-    meant = str(load_arrays(path).get("fresnel", "eta"))
-    if meant not in ("eta", "albedo"):
-        raise UserError(f"{path}: fresnel is {meant!r}; store 'eta' or 'albedo', or leave it out")
-    return Materials(found.items, meant)
+    return Materials(found.items, fresnel_of(path, load_arrays(path)))

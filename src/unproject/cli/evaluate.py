@@ -54,7 +54,7 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
-    from ..recipes.held_out import held_out
+    from ..recipes.held_out import held_out, reference_of
     from ..training import load
     from ..training.origin import read_origin
 
@@ -67,7 +67,7 @@ def run(
     if reference is not None and (lights := _photographs_of(opened, reference, seen)):
         against = _photographs(reference, lights, size, seen)
     elif reference is not None:
-        against = opened.domain.read(reference, size).floats()
+        against = reference_of(opened.domain, origin, reference, size, count)
     else:
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)

@@ -99,8 +99,8 @@ def _found(
     from ..training import load
 
     arrays_given = source.suffix.lower() == ".npz"
-    textures = to in export.MATERIAL_FORMATS or (to == "glb" and source.is_dir())
-    textures = not arrays_given and (textures or (to is None and holds_materials(source)))
+    textures = to in export.MATERIAL_FORMATS or (to == "glb" and source.is_dir()) or holds_materials(source)
+    textures = not arrays_given and textures
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from torch import Tensor
 
-from ..data import chairs, digits
+from ..data import chairs, digits, material_patches
+from ..domains import Domain
 from ..training import Origin
 from . import name_of
+from .material_panels import are_photographs, textures_of
 from .materials import PROCEDURAL
 
 UNSEEN = 2**40
@@ -24,6 +27,20 @@ HELD_OUT: dict[str, Callable[..., Tensor]] = {
     },
 }
 """Recipe, without `-paper` → (side, how many at most, of materials `coloured`) → held-out samples."""
+
+
+def reference_of(domain: Domain, origin: Origin | None, path: Path, size: int, count: int) -> Tensor:
+    """Return samples of a path to compare a run's with: patches of textures, if the run was trained on such patches.
+
+    Whole textures have other details at this size, and a perfect generator would seem far from them.
+    """
+    data = None if origin is None else origin.arguments.get("data")
+    data = data.get("path") if isinstance(data, dict) else data
+    if domain.name == "maps" and data is not None and not are_photographs(Path(data)):
+        found = textures_of(path, size, coloured=True)
+        if found.shape[-2:] != (size, size):
+            return material_patches(found, count, size, UNSEEN)
+    return domain.read(path, size).floats()
 
 
 def held_out(origin: Origin | None, size: int, count: int) -> Tensor | None:

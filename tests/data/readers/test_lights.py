@@ -26,6 +26,13 @@ def refused(path: Path) -> str:
     return str(error.value)
 
 
+def test_of_two_spellings_of_a_light_one_is_named(tmp_path: Path) -> None:
+    put(tmp_path / "flash" / "a.png", tmp_path / "Flash" / "b.png", tmp_path / "COLOURED" / "c.png")
+    found = unsorted(tmp_path)
+    assert [*found] == [tmp_path / "Flash" / "b.png"]
+    assert f"beside it {tmp_path / 'flash'} is read; move them there" in found[tmp_path / "Flash" / "b.png"]
+
+
 def test_a_flat_folder_of_photographs_is_told_where_to_put_them(tmp_path: Path) -> None:
     put(*(tmp_path / f"IMG_{k}.jpg" for k in range(3)))
     said = refused(tmp_path)

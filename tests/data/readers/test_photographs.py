@@ -88,9 +88,57 @@ def test_maps_of_floats_beyond_one_are_refused(tmp_path: Path, name: str) -> Non
 
 def test_photographs_of_floats_are_developed(tmp_path: Path) -> None:
     (tmp_path / "top").mkdir()
-    write_picture(tmp_path / "top" / "a.exr", np.full((32, 32, 3), (0.5, 37.0, 0.0), np.float32), "float")
-    found = Collection.photographs(tmp_path, "top", 16).items[0, :, 3, 5]
-    assert found.tolist() == pytest.approx([0.5 ** (1 / 2.2), 1, 0], abs=1e-3)
+    picture = np.full((32, 32, 3), (0.5, 0.25, 0.0), np.float32)
+    picture[:8, :, 1] = 37  # a highlight
+    write_picture(tmp_path / "top" / "a.exr", picture, "float")
+    found = Collection.photographs(tmp_path, "top", 16).items[0]
+    assert found[:, 12, 5].tolist() == pytest.approx([0.5 ** (1 / 2.2), 0.25 ** (1 / 2.2), 0], abs=1e-3)
+    assert found[:, 2, 5].tolist() == pytest.approx([0.5 ** (1 / 2.2), 1, 0], abs=1e-3)
+
+
+def test_photographs_of_floats_that_would_be_white_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "flash").mkdir()
+    radiance = 30 * np.random.default_rng(0).random((32, 32, 3)).astype(np.float32)
+    write_picture(tmp_path / "flash" / "a.exr", radiance, "float")
+    with pytest.raises(UserError, match="9[67]% of its values are above 1, which is white; divide them by 29"):
+        Collection.photographs(tmp_path, "flash", 16)
+    write_picture(tmp_path / "flash" / "a.exr", radiance / 30, "float")
+    assert Collection.photographs(tmp_path, "flash", 16).items.max() < 1
+
+
+def test_a_cut_out_photograph_is_refused_and_alpha_of_maps_is_dropped(tmp_path: Path) -> None:
+    round_one = np.full((40, 40, 4), 90, np.uint8)
+    round_one[..., 3] = np.where(np.hypot(*(np.mgrid[:40, :40] - 19.5)) < 16, 255, 0)
+    for name in ("flash", "diffuse"):
+        (tmp_path / name).mkdir()
+        Image.fromarray(round_one).save(tmp_path / name / "a.png")
+    with pytest.raises(UserError, match="transparent in 49% of its middle square; crop it to the material"):
+        Collection.photographs(tmp_path, "flash", 16)
+    assert len(Collection.photographs(tmp_path, "diffuse", 16)) == 1
+
+
+@pytest.mark.parametrize(
+    "folder, file, value, expected",
+    [
+        ("normal", "Wood_Normal_DirectX.png", (128, 255, 255), (0.0028, -0.7058, 0.7084)),
+        ("normal", "Wood_NormalGL.png", (128, 255, 255), (0.0028, 0.7058, 0.7084)),
+        ("roughness", "wood_gloss.png", (230,), ((25 / 255) ** 2,)),
+        ("roughness", "wood_arm.png", (255, 102, 0), (0.16,)),
+        ("roughness", "Wood_MetallicRoughnessAO.png", (0, 102, 255), (0.16,)),
+    ],
+)
+def test_single_maps_are_read_as_their_names_say(
+    tmp_path: Path, folder: str, file: str, value: tuple[int, ...], expected: tuple[float, ...]
+) -> None:
+    put(tmp_path / folder, file, value)
+    found = Collection.photographs(tmp_path, folder, 16).items
+    torch.testing.assert_close(found[0, :, 3, 5], torch.tensor(expected), atol=3e-3, rtol=0)
+
+
+def test_a_height_map_is_no_normal_map(tmp_path: Path) -> None:
+    put(tmp_path / "normal", "bump.png", (200,))
+    with pytest.raises(UserError, match=r"bump\.png: is no normal map"):
+        Collection.photographs(tmp_path, "normal", 16)
 
 
 def test_channels_that_are_not_read_may_hold_anything(tmp_path: Path) -> None:

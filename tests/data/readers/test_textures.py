@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+import torch.nn.functional as F
 from PIL import Image
 from torch import Tensor
 
 from unproject._pictures import write_picture
 from unproject._types import UserError
+from unproject.cli._materials import read_maps
 from unproject.data import Collection, holds_materials, read_material, wood
 from unproject.data.readers.texture_maps import normals_from_height
 from unproject.data.readers.texture_names import find_textures, holds_material, role_of, sets_in, words_of
@@ -67,6 +69,10 @@ def maps_of(folder: Path, **options: Any) -> dict[str, Tensor]:
         ("wood_planks_diff_1k", "colour"),
         ("albedo", "colour"),
         ("BaseColor", "colour"),
+        ("Wood_Base_Color", "colour"),
+        ("Wood_Normal_Map", "normal"),
+        ("WoodNormalDirectX", "normal"),
+        ("Wood_Ambient_Occlusion", "unused"),
         ("chair.basecolor.4k", "colour"),
         ("Metal030_1K_Metalness", "metallic"),
         ("rusty_metal_metallic", "metallic"),
@@ -238,6 +244,55 @@ def test_arrays_whose_specular_map_is_for_an_index_are_trained_on_as_reflectance
     assert torch.equal(Maps(fresnel="eta").read(tmp_path / "eta.npz", 16).items, x)
 
 
+def test_an_archive_that_says_nothing_is_meant_for_an_index_of_refraction(tmp_path: Path) -> None:
+    """As `render` and `export` take it."""
+    x = wood(2, 16)
+    np.savez(tmp_path / "a.npz", **{name: part.numpy() for name, part in unpack_maps(x).items()})  # pyright: ignore
+    assert torch.allclose(textures_of(tmp_path / "a.npz", 16)[:, 3], 0.04 * x[:, 3])
+    assert read_maps(tmp_path / "a.npz").fresnel == "eta"
+    np.savez(tmp_path / "a.npz", fresnel="F0", **{k: part.numpy() for k, part in unpack_maps(x).items()})  # pyright: ignore
+    for read in (lambda path: textures_of(path, 16), read_maps):
+        with pytest.raises(UserError, match="fresnel is 'F0'; store 'eta' or 'albedo', or leave it out"):
+            read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("T_Wood_MetallicRoughnessAO", (0, 102, 255)),
+        ("T_Wood_RoughnessMetallicAO", (102, 0, 255)),
+        ("T_Wood_RoughnessMetallic", (255, 102, 0)),
+        ("T_Wood_OcclusionRoughnessMetallic", (255, 102, 0)),
+        ("ao_dai_RoughnessMetallic", (255, 102, 0)),
+    ],
+)
+def test_channels_of_packed_maps_are_in_the_order_of_the_name_if_occlusion_comes_last(
+    tmp_path: Path, name: str, value: tuple[int, ...]
+) -> None:
+    maps = maps_of(material(tmp_path, roughness=None, **{name: value}))
+    assert maps["roughness"].mean().item() == pytest.approx(0.16) and maps["diffuse"].max() > 0
+
+
+@pytest.mark.parametrize("colour", ["BaseColor", "Base_Color"])
+@pytest.mark.parametrize("normal", ["Normal_DirectX", "NormalDirectX", "Normal_OpenGL", "Normal_Map"])
+def test_sets_side_by_side_named_as_engines_name_them(tmp_path: Path, colour: str, normal: str) -> None:
+    for name in ("Wood", "Stone"):
+        paint(tmp_path / f"{name}_{colour}.png", GREY)
+        paint(tmp_path / f"{name}_Roughness.png", 128)
+        paint(tmp_path / f"{name}_{normal}.png", (128, 255, 255))
+    found = Collection.materials(tmp_path)
+    assert sorted(found.names) == ["Stone", "Wood"]
+    assert (found.floats()[:, 6].mean() < 0) == ("DirectX" in normal) and found.floats()[:, 6].abs().min() > 0.6
+
+
+@pytest.mark.parametrize("side", [256, 2048])
+def test_heights_of_8_bits_have_one_relief_at_every_resolution(side: int) -> None:
+    y, x = torch.meshgrid(*2 * [torch.arange(side) * 2 * torch.pi / side], indexing="ij")
+    h = ((torch.sin(3 * x) + torch.sin(2 * x + 3 * y) + 2) * 63.75).round() / 255
+    n = F.avg_pool2d(normals_from_height(h)[None], side // 64)[0]
+    assert (n[:2] / n[2:]).square().sum(0).mean().sqrt().item() == pytest.approx(0.25, rel=0.05)
+
+
 def test_packed_maps_are_occlusion_roughness_metallic(tmp_path: Path) -> None:
     folder = material(tmp_path, roughness=None, wood_arm_1k=(10, 102, 255))
     maps = maps_of(folder)
@@ -395,6 +450,7 @@ def noisy(seed: int = 0) -> np.ndarray:
         ({"normal": (0, 0, 0)}, {}, r"normal\.png: is no normal map \(100 %"),
         ({"normal": (128, 128, 128)}, {}, r"normal\.png: is no normal map.*length is 0\.01"),
         ({"normal": 128}, {}, r"normal\.png: is a grey picture"),
+        ({"normal": (200, 200, 200)}, {}, r"normal\.png: is no normal map but grey"),
         ({"roughness": noisy()}, {}, r"roughness\.png: is coloured.*arm"),
         ({"roughness": None, "arm": 128}, {}, r"arm\.png: is a grey picture"),
         ({"metallic": np.zeros((4, 8), np.uint8)}, {}, "metallic is 8 × 4 pixels but colour is 8 × 8"),

@@ -86,6 +86,8 @@ def unsorted(path: Path) -> dict[Path, str]:
             found[file] = f"{file.suffix} is not read; {SAVE}"
         elif not below:
             found[file] = f"lies in no sub-folder that says its light; move it into one, such as {path / 'daylight'}"
+        elif first.lower() in OBSERVATIONS and sub_folder(path, first.lower()) != path / first:
+            found[file] = f"{path / first}: beside it {sub_folder(path, first.lower())} is read; move them there"
         elif first.lower() not in OBSERVATIONS:
             found[file] = f"{path / first}: names neither a map nor a light{_meant(first)}"
     return found

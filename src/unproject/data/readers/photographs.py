@@ -22,8 +22,12 @@ from ...ops.maps import CHANNELS, COLOURED, MAPS, places
 from .found import Found
 from .framing import centred_square
 from .lights import SAVE, SUFFIXES, UNREAD, sub_folder
+from .texture_names import DOWN, packed_channels, role_of, says, words_of
 
 SMOOTHEST = 1e-3
+TRANSPARENT, CUT_OUT, CLIPPED, GREY = 0.5, 0.01, 0.25, 0.02
+"""Alpha below which a pixel is cut out; shares of such pixels, and of values beyond white, that a photograph may have;
+and how much channels of a normal map differ at least in the mean."""
 
 
 def find_photographs(path: Path, name: str, size: int, strict: bool = False, coloured: bool = False) -> Found:
@@ -61,7 +65,7 @@ def photograph(file: Path, name: str, size: int, coloured: bool = False) -> Tens
     place = places(COLOURED if coloured else CHANNELS).get(name, slice(0, 3))
     values = _square(file, name, size, place.stop - place.start)
     if name == "roughness":
-        return (values**2).clamp(min=SMOOTHEST)
+        return ((1 - values if role_of(words_of(file.stem)) == "glossiness" else values) ** 2).clamp(min=SMOOTHEST)
     return _normals(file, values) if name == "normal" else values
 
 
@@ -70,11 +74,13 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
     pixels, stored = read_stored(file)
     if not np.isfinite(pixels).all():
         raise UserError(f"{file}: has values that are NaN or infinite; fix or remove it")
-    if pixels.shape[2] in (2, 4) and not pixels[..., -1].any():
-        raise UserError(f"{file}: is transparent throughout; remove it")
+    _check_opaque(file, name, pixels)
     pixels = pixels[..., : 3 if pixels.shape[2] >= 3 else 1]
     if name not in MAPS and (pixels.max() <= 0 or pixels.min() >= 1):
         raise UserError(f"{file}: is {'black' if pixels.max() <= 0 else 'white'} throughout; remove it")
+    _check_exposure(file, name, pixels, stored)
+    if name == "roughness" and role_of(words_of(file.stem)) == "packed":
+        pixels = pixels[..., [packed_channels(file)[0]]] if pixels.shape[2] == 3 else pixels
     if name == "normal" and pixels.min() < -OVERSHOOT:
         raise UserError(f"{file}: values run from {pixels.min():.3g}; give normals as ½ + ½ n, flat being (½, ½, 1)")
     if name in MAPS and pixels.max() > 1 + OVERSHOOT:
@@ -93,10 +99,35 @@ def _square(file: Path, name: str, size: int, wanted: int) -> Tensor:
     return (values.mean(0, keepdim=True) if wanted == 1 else values.expand(wanted, -1, -1)).float()
 
 
+def _check_opaque(file: Path, name: str, pixels: np.ndarray) -> None:
+    """Refuse pictures of nothing, and photographs of which a part is cut out: what lies under it is no surface."""
+    if pixels.shape[2] not in (2, 4):
+        return
+    side, (height, width) = min(pixels.shape[:2]), pixels.shape[:2]
+    top, left = (height - side) // 2, (width - side) // 2
+    alpha = pixels[top : top + side, left : left + side, -1]
+    if not pixels[..., -1].any():
+        raise UserError(f"{file}: is transparent throughout; remove it")
+    if name not in MAPS and (alpha < TRANSPARENT).mean() > CUT_OUT:
+        share = f"{(alpha < TRANSPARENT).mean():.0%}"
+        raise UserError(f"{file}: is transparent in {share} of its middle square; crop it to the material")
+
+
+def _check_exposure(file: Path, name: str, pixels: np.ndarray, stored: str) -> None:
+    """Refuse photographs of linear light most of whose colours would be white."""
+    if name in MAPS or "int" in stored:
+        return
+    clipped = float((pixels > 1).mean())
+    if clipped > CLIPPED:
+        white = np.quantile(pixels, 0.99)
+        raise UserError(f"{file}: {clipped:.0%} of its values are above 1, which is white; divide them by {white:.3g}")
+
+
 def _normals(file: Path, values: Tensor) -> Tensor:
-    """n = 2 v - 1, renormalised."""
+    """n = 2 v - 1, renormalised; y is turned over if the name says that it points down."""
     normal = 2 * values - 1
-    if normal[2].mean() < 0.2:
+    grey = bool((values.amax(0) - values.amin(0)).mean() < GREY)
+    if grey or normal[2].mean() < 0.2:
         raise UserError(f"{file}: is no normal map; give ½ + ½ n with z in blue, flat being (½, ½, 1)")
     normal[2].clamp_(min=0.05)
-    return unit(normal, 0)
+    return unit(normal * normal.new_tensor([1, -1 if says(file, DOWN) else 1, 1])[:, None, None], 0)

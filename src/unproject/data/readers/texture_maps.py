@@ -17,11 +17,11 @@ from ..._types import UserError
 from ...ops.exposure import linear_from_srgb
 from ...ops.lengths import length, unit
 from ...ops.maps import luminance, normals_of, slopes_of
-from .texture_names import Textures
+from .texture_names import Textures, packed_channels
 
 DIELECTRIC, SPECULAR = 0.04, 0.08
 SMOOTHEST = 1e-3
-SLOPE = 0.25  # RMS slope given to a height map, whose unit no file says
+SLOPE, MEASURED = 0.25, 512  # RMS slope given to a height map, whose unit no file says; pixels a side it is taken at
 COLOURED = 0.05  # mean difference of channels above which a picture is no grey map
 INWARD, STEEPEST = 0.5, 0.02  # share of a normal map's texels that may point inward; the least z any gets
 SHORTEST, LONGEST = 0.3, 1.5  # median length of its vectors: averaging rough surfaces shortens them
@@ -36,7 +36,8 @@ class Convention:
     colour: Literal["srgb", "linear"] = "srgb"
     specular: Literal["luminance", "colour"] = "luminance"
     fresnel: Literal["stored", "albedo"] = "stored"
-    """Of an .npz that says `fresnel="eta"`: its specular map as stored, or the reflectance 0.04 k_s that it means."""
+    """Of an .npz whose `fresnel` is "eta", or that says nothing: its specular map as stored, or the reflectance
+    0.04 k_s that it means."""
 
     def __post_init__(self) -> None:
         allowed = {"roughness": ("perceptual", "alpha"), "normal": ("auto", "gl", "dx"), "colour": ("srgb", "linear")}
@@ -98,8 +99,9 @@ def maps_of(
         reflected = _at(size, _reflectance(textures.file_of("specular"), pictures["specular"], itself))
     grey = {role: _at(size, _grey(textures.file_of(role), p)) for role, p in pictures.items() if role in GREY}
     if "packed" in pictures:
-        _, rough, metallic = _at(size, _channels(textures.files["packed"], pictures["packed"]))
-        grey = {"roughness": rough[None], "metallic": metallic[None], **grey}
+        packed = _at(size, _channels(textures.files["packed"], pictures["packed"]))
+        rough, metallic = packed_channels(textures.files["packed"])
+        grey = {"roughness": packed[rough][None], "metallic": packed[metallic][None], **grey}
     metallic = grey.get("metallic", flat)
     f0 = torch.lerp(reflected, colour, metallic)
     rough = grey["roughness"] if "roughness" in grey else 1 - grey["glossiness"]
@@ -184,6 +186,8 @@ def _decoded(file: Path, picture: Picture, down: bool) -> Tensor:
             f"{file}: is no normal map ({100 * inward:.0f} % of its normals point inward, their median length is "
             f"{typical:.2f}); give ½ + ½ n with z in blue, flat being (½, ½, 1)"
         )
+    if not _is_coloured(picture):
+        raise UserError(f"{file}: is no normal map but grey, as a height map is; give ½ + ½ n with z in blue")
     outward = torch.where(z > 0, z, (1 - x**2 - y**2).clamp(min=0).sqrt())
     return unit(torch.stack([x, -y if down else y, outward.clamp(min=STEEPEST)]), 0)
 
@@ -191,10 +195,12 @@ def _decoded(file: Path, picture: Picture, down: bool) -> Tensor:
 def normals_from_height(h: Tensor) -> Tensor:
     """(3, H, W) `normals_of` s h, of a height map h (H, W) that repeats itself.
 
-    s makes the RMS of the slope s |∇h| over the map as it is stored 0.25. A constant map is flat.
+    s makes the RMS of the slope s |∇h| 0.25, over the map averaged to at most 512 pixels a side: of larger ones of 8
+    bits slopes between pixels are mostly the steps of the grey levels. A constant map is flat.
     """
     h = h.double()
-    h_x, h_y = slopes_of(h)
+    times = -(-max(h.shape) // MEASURED)
+    h_x, h_y = (slope / times for slope in slopes_of(F.avg_pool2d(h[None], min(times, *h.shape))[0]))
     slope = (h_x**2 + h_y**2).mean().sqrt()
     gain = SLOPE / slope if slope > 0 else 0.0
     return normals_of(gain * h[None])[0].float()

@@ -1,7 +1,8 @@
 """Which file of a texture set is which map, found by the words of its name.
 
 Words are separated by _ - . and spaces, by digits, or by a capital after a small letter, in any case:
-`Wood027_1K_NormalGL.jpg` says wood, 027, 1, k, normal, gl. The last word that names a map decides, so that
+`Wood027_1K_NormalGL.jpg` says wood, 027, 1, k, normal, gl. What is written in one word or in two, as BaseColor,
+DirectX and Normal_Map are, is one. The last word that names a map decides, so that
 `painted_metal_rough_1k.png` is a roughness map. The short words `metal` and `rough` also name materials: they count
 only after the words that all pictures of the folder begin with, which are its name. A letter at the end, as in
 `T_Planks_D.png`, stands for a map in a set with `T_Planks_N.png`.
@@ -55,6 +56,15 @@ WEAK = ("metal", "rough", "gloss", "refl")
 UP = ("gl", "opengl", "ogl", "normalgl")  # green up the picture
 DOWN = ("dx", "directx", "normaldx")  # green down
 MAP_WORDS = {*ROLE_OF, *UP, *DOWN}
+IN_TWO = {
+    ("direct", "x"): "directx",
+    ("open", "gl"): "opengl",
+    ("base", "color"): "basecolor",
+    ("base", "colour"): "basecolour",
+    ("ambient", "occlusion"): "occlusion",
+    **{(word, "map"): word for word in ROLE_OF},
+}
+"""Words that are written in two as well."""
 LOOKED_FOR = "; ".join(f"{role}: {', '.join(words)}" for role, words in WORDS.items() if role != "unused")
 LOOKED_FOR += f"; or, where one ends in N, by the letters {', '.join(LETTERS).upper()} at their ends"
 
@@ -80,7 +90,12 @@ def words_of(name: str) -> list[str]:
     """The words of a file's name without its suffix, of any script, in small letters; case parts them too."""
     name = unicodedata.normalize("NFC", name)  # some systems take letters apart from their accents
     kinds = "".join(map(_kind, name))
-    return [name[match.start() : match.end()].lower() for match in re.finditer(r"A+(?!a)|A?a+|x+|0+", kinds)]
+    words: list[str] = []
+    for match in re.finditer(r"A+(?!a)|A?a+|x+|0+", kinds):
+        word = name[match.start() : match.end()].lower()
+        joined = IN_TWO.get((words[-1], word)) if words else None
+        words[-1:] = [joined] if joined else [*words[-1:], word]
+    return words
 
 
 def _kind(sign: str) -> str:
@@ -186,6 +201,20 @@ def role_of(words: list[str], shared: int = 0) -> str | None:
     return named[-1] if named else None
 
 
+def packed_channels(file: Path) -> tuple[int, int]:
+    """Return which channels of a packed map are the roughness and the metallic one.
+
+    Green and blue, as glTF has them, red being occlusion; of a name in which occlusion follows, as in
+    MetallicRoughnessAO, in the order of its words.
+    """
+    roles = {"ao": "occlusion", "occlusion": "occlusion"}
+    order = [roles.get(word, ROLE_OF.get(word)) for word in words_of(file.stem)]
+    order = [role for role in order if role in ("roughness", "metallic", "occlusion")][-3:]
+    if len(set(order)) == 3 and order[0] != "occlusion":
+        return order.index("roughness"), order.index("metallic")
+    return 1, 2
+
+
 def find_textures(folder: Path, normal: str = "auto", of: Sequence[Path] | None = None) -> Textures:
     """The files of a material's maps, of all in a folder or `of` some.
 
@@ -216,19 +245,19 @@ def find_textures(folder: Path, normal: str = "auto", of: Sequence[Path] | None 
     wanted -= {"packed"} if {"roughness", "metallic"} <= wanted else set()
     wanted -= {"glossiness"} if wanted & {"roughness", "packed"} else set()
     files = {role: _only(folder, role, found[role]) for role in (*WORDS, *ROUGH) if role in wanted}
-    down = normal == "dx" or (normal == "auto" and "normal" in files and _says(files["normal"], DOWN))
+    down = normal == "dx" or (normal == "auto" and "normal" in files and says(files["normal"], DOWN))
     return Textures(files, down)
 
 
 def _preferred(files: list[Path], normal: str) -> list[Path]:
     """Of a pair for OpenGL and DirectX the one that was asked for; default: OpenGL."""
-    up, down = ([f for f in files if _says(f, words)] for words in (UP, DOWN))
+    up, down = ([f for f in files if says(f, words)] for words in (UP, DOWN))
     if up and down and len(up) + len(down) == len(files):
         return down if normal == "dx" else up
     return files
 
 
-def _says(file: Path, words: tuple[str, ...]) -> bool:
+def says(file: Path, words: tuple[str, ...]) -> bool:
     """Whether one of these words is in a file's name."""
     return any(word in words for word in words_of(file.stem))
 

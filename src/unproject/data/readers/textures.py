@@ -186,13 +186,25 @@ def _from_arrays(path: Path, size: int | None, fresnel: str) -> Found:
         packed = pack_maps(maps)
     except UserError as error:
         raise UserError(f"{path}: {error}") from None
-    if fresnel == "albedo" and str(arrays.get("fresnel")) == "eta":
+    if fresnel == "albedo" and fresnel_of(path, arrays) == "eta":
         packed[:, places(packed.shape[1])["specular"]] *= DIELECTRIC
     names = arrays.get("names")
     if names is not None and names.shape != (len(packed),):
         raise UserError(f"{path}: names {names.shape} for {len(packed)} materials; give each one, or none")
     items = _resized(check_maps(packed, str(path)), size)
     return Found(items, None if names is None else [*map(str, names)], source=str(path))
+
+
+def fresnel_of(path: Path, arrays: Mapping[str, np.ndarray]) -> Literal["eta", "albedo"]:
+    """Return how the specular albedo of an .npz is meant: what it says, or `eta`.
+
+    Raises:
+        UserError: if it says something else.
+    """
+    meant = str(arrays.get("fresnel", "eta"))
+    if meant not in ("eta", "albedo"):
+        raise UserError(f"{path}: fresnel is {meant!r}; store 'eta' or 'albedo', or leave it out")
+    return meant
 
 
 def _resized(maps: Tensor, size: int | None) -> Tensor:
