@@ -116,12 +116,13 @@ def test_meshes_are_one_surface_unless_all_parts_are_asked_for(tmp_path):
     """Blocks that share a corner are one part of the volume, and two surfaces."""
     v = np.zeros((1, 24, 24, 24), np.float32)
     v[0, 2:12, 2:12, 2:12] = v[0, 12:18, 12:18, 12:18] = 1
+    v[0, 20:22, 2:4, 2:4] = 1  # under 2 % of the largest
     np.savez(tmp_path / "x.npz", volume=v)
     counts = []
     for flags in ([], ["--no-largest-part"]):
         assert main(["export", str(tmp_path / "x.npz"), *flags, "--out", str(tmp_path / "x.glb")]) == 0
         counts.append(trimesh.load(tmp_path / "x.glb", force="mesh").body_count)
-    assert counts == [1, 2]
+    assert counts == [1, 3]
 
 
 def test_empty_shapes_are_named_and_the_rest_written(samples, tmp_path, capsys):

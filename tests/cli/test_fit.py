@@ -265,7 +265,7 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     """Readings of 50 times the lines' length, and what `evaluate` and `fit` make of them."""
     run, scan = tmp_path / "run", tmp_path / "scan.npz"
     readings = 50 * np.random.default_rng(0).random((4, 16, 3)).astype(np.float32)
-    np.savez(scan, sinograms=readings, angle=np.array([0.0, 1.0, 2.0]))
+    np.savez(scan, sinograms=readings, angle=np.array([0.0, 1.0, 2.0 + math.pi]))  # half a turn on
     flags = ["--bins", "3", "--channels", "16", "--batch", "4", "--steps", "2", "--quiet"]
     assert main(["train", "digits", "--data", str(scan), *flags, "--out", str(run)]) == 0
     opened = load(run)
@@ -279,6 +279,11 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
         opened.evaluate(Collection.lines(scan), n=8)
     compared = [found for found in compared if len(found) == len(readings) * 3]
     assert len(compared) >= 2
+    images: list[torch.Tensor] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(Images, "scores", lambda self, x, against, *_: images.append(against) or {})
+        opened.evaluate(torch.full((3, 1, 16, 16), 0.5), n=8)
+    assert images[0].max().item() == pytest.approx(0.5 * 16 / unit)  # in the unit of the readings
     viewing = viewing_of(opened.assignments()[0])
     compared.append(observed(opened, [scan], viewing).floats())
     learned = torch.cat([collection.floats() for panel in panels for collection in panel.collections])
@@ -295,6 +300,16 @@ def test_lines_in_another_unit_are_read_as_training_did(tmp_path: Path, monkeypa
     for wrong in (tmp_path / "mask.png", tmp_path):
         with pytest.raises(UserError, match="holds no lines, and this run learned from lines"):
             observed(opened, [wrong], viewing)
+
+
+def test_latents_of_ones_own_are_no_angles() -> None:
+    given = given_view("30,2.5", ("azimuth", "distance"))
+    assert given == {"azimuth": pytest.approx(math.radians(30)), "distance": 2.5}
+    assert given_view("7", ("start",)) == {"start": 7.0}
+    with pytest.raises(UserError, match="--view north: give azimuth, start, angles in degrees, with commas between"):
+        given_view("north", ("azimuth", "start"))
+    theta = {"azimuth": torch.full((1, 1), 0.5), "start": torch.full((1, 1), 26.88)}
+    assert view_of(SimpleNamespace(theta=theta), 0, 0) == {"azimuth": 28.6, "start": 26.9}  # pyright: ignore
 
 
 def test_candidates_that_do_not_fit_in_memory_are_refused(shapes: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,6 +23,12 @@ def test_images_are_turned_by_their_gauge_before_each_is_turned_at_random() -> N
     assert found < 1.3 * upright and left > 3 * upright
 
 
+def test_faint_images_are_not_empty() -> None:
+    faint = torch.zeros(3, 1, 8, 8)
+    faint[0, :, 2:6, 2:6], faint[1, :, 2:6, 2:6] = 0.35, 0.01
+    assert Images().empty(faint).tolist() == [False, True, True]
+
+
 def test_of_other_images_than_digits_it_is_said_what_scores_mean() -> None:
     noise = torch.rand(40, 1, 24, 20, generator=torch.Generator().manual_seed(0))
     with pytest.warns(UserWarning, match="do not look like handwritten digits"):

@@ -153,6 +153,19 @@ def test_weights_follow_the_distances_and_the_deviation_is_theirs() -> None:
     torch.testing.assert_close(found.deviation, spread)
 
 
+def test_weights_are_those_before_one_explanation_is_tuned() -> None:
+    viewing = seats()
+    _, pictures, _ = one_seat(viewing, [0.3])
+    plain, tuned = (
+        Fitter(Seats(), viewing, Search(tune=n, candidates=16, starts=4, steps=5, tune_rate=1e-2)).fit(pictures)
+        for n in (0, 30)
+    )
+    assert tuned.error < 0.9 * plain.error and plain.weight.max() < 0.99
+    torch.testing.assert_close(tuned.weight, plain.weight)
+    torch.testing.assert_close(tuned.posterior, plain.posterior)
+    assert tuned.deviation.square().mean() > 0.1 * plain.deviation.square().mean()
+
+
 def test_tuning_changes_a_copy_of_the_generator() -> None:
     torch.manual_seed(0)
     generator, viewing = Seats(), seats()

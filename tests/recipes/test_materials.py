@@ -26,7 +26,7 @@ from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
 from unproject.recipes import find, names
-from unproject.recipes.held_out import held_out, reference_of
+from unproject.recipes.held_out import held_out, patches_of
 from unproject.recipes.material_panels import MIRRORED, VIEWED_FROM, mirrored, natural_light, observation_of
 from unproject.recipes.materials import materials, metal_materials, wood_materials, wood_paper
 from unproject.testing import check_prior, check_projection
@@ -252,9 +252,10 @@ def test_textures_are_compared_as_patches_if_patches_were_learned(tmp_path: Path
             (tmp_path / "sets" / name).mkdir(parents=True, exist_ok=True)
             Image.fromarray(stripes).save(tmp_path / "sets" / name / f"{role}.png")
     learned = wood_materials(data=tmp_path / "sets", **TOY).origin
-    patches = reference_of(Maps(), learned, tmp_path / "sets", 16, 5)
-    whole = reference_of(Maps(), wood_materials(**TOY).origin, tmp_path / "sets", 16, 5)
-    assert patches.shape == (5, 10, 16, 16) and whole.shape == (2, 10, 16, 16)
+    patches = patches_of(Maps(), learned, tmp_path / "sets", 16, 5)
+    assert patches_of(Maps(), wood_materials(**TOY).origin, tmp_path / "sets", 16, 5) is None
+    whole = Maps().read(tmp_path / "sets", 16).floats()
+    assert patches is not None and patches.shape == (5, 10, 16, 16)
     assert whole[:, 0].std() < 0.05 < patches[:, 0].flatten(1).std(1).median()
 
 

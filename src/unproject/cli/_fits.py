@@ -20,6 +20,7 @@ from .._types import UserError, printable
 from ..data.readers.arrays import load_arrays
 from ..data.readers.lights import SUFFIXES
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
+from ..inversion.novelty import combined
 from ..training.description import describe
 from ..training.fitted_pictures import doubts, object_of, unit_of, view_of
 from ..training.seen import as_seen
@@ -138,7 +139,7 @@ def described(job: Job, found: Collection, fit: Fit) -> dict[str, Any]:
         for m, name in enumerate(found.names)
     ]
     weights = [round(weight, 4) for weight in fit.weight.tolist()]
-    likely = None if p is None else round(p.min().item(), 4)
+    likely = None if p is None else round(combined(p), 4)
     verdict = {"explained": not why, "why": "; ".join(why), "p": likely}
     unit = unit_of(job.fitter.viewing.projection)
     return {

@@ -54,8 +54,9 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
-    from ..recipes.held_out import held_out, reference_of
+    from ..recipes.held_out import held_out, patches_of
     from ..training import load
+    from ..training.fitted_pictures import references
     from ..training.origin import read_origin
 
     use_threads(threads)
@@ -67,7 +68,8 @@ def run(
     if reference is not None and (lights := _photographs_of(opened, reference, seen)):
         against = _photographs(reference, lights, size, seen)
     elif reference is not None:
-        against = reference_of(opened.domain, origin, reference, size, count)
+        patches = patches_of(opened.domain, origin, reference, size, count)
+        against = references(opened, reference) if patches is None else patches
     else:
         against = held_out(origin, size, count)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)

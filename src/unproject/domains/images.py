@@ -32,6 +32,8 @@ NO_DIGITS = (
     "density and coverage are on features of a classifier of digits and say little of others; mmd_rms, cov_rms and "
     "1nna_rms are of pixels, of anything"
 )
+DARK = 0.02
+"""Images no pixel of which is brighter are empty; wide faint objects have readings like small bright ones."""
 DIRECTIONS = 10
 """Of the lines whose group samples are scored up to, if the data do not say: the paper's."""
 
@@ -59,7 +61,7 @@ class Images(Domain):
         return export.silhouette_sheet(x, scale=2)
 
     def empty(self, x: Tensor) -> Tensor:
-        return (x <= 0.5).flatten(1).all(1)
+        return (x <= DARK).flatten(1).all(1)
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
         upright = image_scores(x, reference, bins=turns, seed=seed)

@@ -134,7 +134,8 @@ class Volumes(Domain):
         return read(path, size=size)
 
     def options_of(self, exporter: Exporter, largest_part: bool, numbers: Sequence[int] | None) -> dict[str, Any]:
-        options: dict[str, Any] = {"largest": largest_part} if exporter in export.MESHES else {}
+        kept = {"largest": True} if largest_part else {"min_fraction": 0.0}
+        options: dict[str, Any] = kept if exporter in export.MESHES else {}
         if numbers is not None and exporter in (*export.MESHES, export.vox):
             options["names"] = export.names_of(numbers)
         if numbers is not None and exporter is export.sheet_file:

@@ -18,7 +18,8 @@ class Fit:
         distance: (S, M), the mean squared difference of each picture from the sample's projection, in units of the
             variance of projections of other samples: about 1 for an unrelated picture. Measured before samples are
             completed (`consistent`): whether the generator can make such things.
-        weight: (S,), how well each explains the pictures compared with the others; they sum to 1.
+        weight: (S,), how well each explains the pictures compared with the others, before the best is tuned to them;
+            they sum to 1.
         theta: latents of the views by name, (S, M), radians.
         posterior: (M, K), the probability of each bin of views.
         projections: (S, M, ...), of each explanation in the views that were found for it.

@@ -212,15 +212,17 @@ class Fitter:
             rate = f"{self.search.rate:g}"
             raise UserError(f"fit: nothing that was found at a rate of {rate} is finite; give a lower --rate")
         state, x = state[order], x[order]
+        with torch.no_grad():  # before one of them is tuned, which then would outweigh all others
+            distance = candidates.distance(candidates.project(x, state.theta, len(of)), of.y)
+            weight = _likelihood(self._energy(state.v, distance) / len(of), n * len(of), 0)
+            heard = (weight >= MIN_RELATIVE_WEIGHT * weight.max()).nonzero()[:, 0]
+            bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
+            posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
         if self.search.tune:
             x[:1] = self._tuned(x[:1], state[torch.tensor([0])], of)
         with torch.no_grad():
             projected = candidates.project(x, state.theta, len(of))
             distance = candidates.distance(projected, of.y)
-            weight = _likelihood(self._energy(state.v, distance) / len(of), n * len(of), 0)
-            heard = (weight >= MIN_RELATIVE_WEIGHT * weight.max()).nonzero()[:, 0]
-            bins = self._posterior(x[heard], state[heard], distance[heard], of, rng)
-            posterior = torch.einsum("s,smk->mk", weight[heard] / weight[heard].sum(), bins)
             if consistent := self._is_linear(x, of):
                 x = self._completed(x, of)
                 projected = candidates.project(x, state.theta, len(of))

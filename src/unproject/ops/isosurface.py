@@ -31,7 +31,8 @@ def isosurface(
     Args:
         volume: (X, Y, Z) array or tensor, occupancy in [0, 1].
         level: the occupancy on the surface, in [0.01, 0.99].
-        smooth: rounds of Taubin's smoothing, which removes the steps of the voxels and keeps size and topology.
+        smooth: rounds of Taubin's smoothing, which removes the steps of the voxels and keeps the topology, and the
+            size of all but what is one voxel thick: six rounds make that half as thick.
         largest, min_fraction: see `without_floaters`; the same is true of the parts of the surface, by the volumes that
             they enclose: voxels that share an edge or a corner may lie on surfaces apart. Cavities are closed then.
 

@@ -29,18 +29,17 @@ HELD_OUT: dict[str, Callable[..., Tensor]] = {
 """Recipe, without `-paper` → (side, how many at most, of materials `coloured`) → held-out samples."""
 
 
-def reference_of(domain: Domain, origin: Origin | None, path: Path, size: int, count: int) -> Tensor:
-    """Return samples of a path to compare a run's with: patches of textures, if the run was trained on such patches.
+def patches_of(domain: Domain, origin: Origin | None, path: Path, size: int, count: int) -> Tensor | None:
+    """Return patches of textures, if a run was trained on such patches; None if samples are compared as they are.
 
     Whole textures have other details at this size, and a perfect generator would seem far from them.
     """
     data = None if origin is None else origin.arguments.get("data")
     data = data.get("path") if isinstance(data, dict) else data
-    if domain.name == "maps" and data is not None and not are_photographs(Path(data)):
-        found = textures_of(path, size, coloured=True)
-        if found.shape[-2:] != (size, size):
-            return material_patches(found, count, size, UNSEEN)
-    return domain.read(path, size).floats()
+    if domain.name != "maps" or data is None or are_photographs(Path(data)):
+        return None
+    found = textures_of(path, size, coloured=True)
+    return None if found.shape[-2:] == (size, size) else material_patches(found, count, size, UNSEEN)
 
 
 def held_out(origin: Origin | None, size: int, count: int) -> Tensor | None:

@@ -12,9 +12,12 @@ from .._random import derived_seed, generator_at, seeded
 from .._types import UserError
 from ..assignment import AssignmentState, Panel, PredictorFit
 from ..assignment.views import views_if_known
+from ..data import Collection
+from ..data.measured_lines import standardised_lines
 from ..domains import Domain
 from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
+from ..projections import LineIntegral
 from .fitting import by_name, of_different_kinds
 
 MIN_IMAGES = 6
@@ -26,21 +29,27 @@ def sample_scores(
     generator: Generator,
     domain: Domain,
     assignments: Sequence[AssignmentState],
-    reference: Tensor,
+    references: Collection,
     n: int,
     seed: int = 0,
 ) -> dict[str, Score]:
     """Score n samples by themselves, and against references or their projections against projections.
 
+    Lines whose `angle` is known are compared as from half a turn. Samples of a run on readings of another unit are in
+    that unit (`data.measured_lines`), and so are references made then.
+
     Raises:
         UserError: if the references have the shape of neither, or of the pictures of several panels.
     """
     x = generator.sample(n, seed)
-    reference = domain.comparable(reference, x)
+    reference = domain.comparable(references.floats(), x)
     if reference.shape[1:] == x.shape[1:]:
-        return domain.scores(x, reference, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
-    kinds = of_different_kinds(assignments)
-    fitting = [(state, given) for state in kinds if (given := _as_trained(state.panel, reference)) is not None]
+        times = _scale_of_samples(assignments)
+        scores = domain.scores(x, reference * times, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
+        how = f"references times {times:.4g}, as the readings' unit makes them"
+        return scores if times == 1 else {k: replace(s, protocol=f"{s.protocol}, {how}") for k, s in scores.items()}
+    kinds, angle = of_different_kinds(assignments), (references.latents or {}).get("angle")
+    fitting = [(state, given) for state in kinds if (given := _as_trained(state.panel, reference, angle)) is not None]
     if not fitting:
         shapes = ", ".join(str(tuple(shape)) for shape in (x.shape[1:], *(state.panel.shape for state in assignments)))
         raise UserError(
@@ -80,11 +89,22 @@ def observed_scores(
     return scores
 
 
-def _as_trained(panel: Panel, pictures: Tensor) -> Tensor | None:
+def _scale_of_samples(assignments: Sequence[AssignmentState]) -> float:
+    """Return how many times brighter samples are than images in the unit of readings: D / s of D detectors."""
+    lines = [state.panel for state in assignments if isinstance(state.panel.projection, LineIntegral)]
+    units = {panel.shape[-1] / panel.projection.unit for panel in lines if panel.projection.unit != 1}  # pyright: ignore
+    return units.pop() if len(units) == 1 else 1.0
+
+
+def _as_trained(panel: Panel, pictures: Tensor, angle: Tensor | None = None) -> Tensor | None:
     """Return pictures as they were measured, (N, ...), as a panel has them; None if they are of another shape."""
     if pictures.shape[1:-1] != panel.shape[:-1]:
         return None
-    given = panel.projection.from_measured(pictures)  # of lines the number of detectors may change
+    if isinstance(panel.projection, LineIntegral) and angle is not None:
+        lines, read = Collection(pictures, latents={"angle": angle}), panel.projection
+        given = standardised_lines(lines, len(panel.observations), read.unit, read.center).floats()
+    else:
+        given = panel.projection.from_measured(pictures)  # of lines the number of detectors may change
     return panel.projection.prepare(given) if given.shape[1:] == panel.shape else None
 
 

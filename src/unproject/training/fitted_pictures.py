@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
+from .._random import generator_at
 from .._types import UserError
 from ..assignment import AssignmentState
 from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
@@ -21,13 +22,24 @@ from ..data.readers.lights import SUFFIXES as MATERIALS
 from ..data.readers.lines import MAX_ANGLE
 from ..data.readers.pictures import SUFFIXES as PICTURES
 from ..data.readers.pictures import required_pictures
-from ..domains import Domain
+from ..domains import Domain, Volumes
 from ..inversion import DOUBTFUL, Fit, Viewing
 from ..inversion.novelty import combined
 from ..metrics import Gauge
 from ..ops.maps import COLOURED
-from ..projections import FramedSilhouette, LineIntegral, Projection, Rendering, Selection, Silhouette, Standardised
+from ..projections import (
+    Cropped,
+    FramedSilhouette,
+    LineIntegral,
+    Projection,
+    Rendering,
+    Selection,
+    Silhouette,
+    Standardised,
+)
+from ..projections.base import Identity
 from .evaluation import accuracy_of, estimated_and_true, turns_of
+from .fitting import of_different_kinds
 
 if TYPE_CHECKING:
     from .run import Run
@@ -38,8 +50,10 @@ FAR = 0.6
 
 TOLD = 2
 """How many times as often as by chance known views have to be found, for them to tell how samples are turned."""
-NO_ANGLES, NO_VIEWS = ("perspective",), ("probe", "jitter")
-"""Latents that are not angles; and those that say nothing of the camera or the light."""
+ANGLES = ("azimuth", "elevation", "roll", "angle", "view", "light", "light_azimuth", "view_azimuth")
+NO_VIEWS = ("probe", "jitter")
+"""Latents that are angles, in degrees where people read or write them; and those that say nothing of the camera or the
+light."""
 
 
 def object_of(name: str) -> str:
@@ -53,10 +67,10 @@ def object_of(name: str) -> str:
 
 
 def view_of(fit: Fit, explanation: int, picture: int, digits: int = 1) -> dict[str, float]:
-    """Return from where an explanation says that a picture was taken: its latents, angles in degrees."""
+    """Return from where an explanation says that a picture was taken: its latents, `ANGLES` in degrees."""
     found = {name: value[explanation, picture].item() for name, value in fit.theta.items() if name not in NO_VIEWS}
     turns = {name: v % math.tau if name == "azimuth" else v for name, v in found.items()}
-    return {name: round(v if name in NO_ANGLES else math.degrees(v), digits) for name, v in turns.items()}
+    return {name: round(math.degrees(v) if name in ANGLES else v, digits) for name, v in turns.items()}
 
 
 def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
@@ -76,30 +90,60 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     sample, projection = opened.generator.sample(1, batch=1), viewing.projection
     inner = projection.projection if isinstance(projection, Standardised) else projection
     of_materials = isinstance(inner, Selection | Rendering)
-    size, listed = sample.shape[-1], are_pictures(paths, MATERIALS if of_materials else PICTURES)
+    listed = are_pictures(paths, MATERIALS if of_materials else PICTURES)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
     if of_materials:
         files = required_pictures(paths[0], MATERIALS) if paths[0].is_dir() else list(paths)
         name = inner.map if isinstance(inner, Selection) else "photograph"
-        found = read_photographs(files, size, name, coloured=sample.shape[1] == COLOURED)
+        found = read_photographs(files, sample.shape[-1], name, coloured=sample.shape[1] == COLOURED)
         return Collection(projection.from_measured(found.floats()), names=found.names)
     if isinstance(inner, LineIntegral):
         if listed or paths[0].is_dir():
             raise UserError(f"{paths[0]}: holds no lines, and this run learned from lines; give an .npz of sinograms")
         return _observed_lines(paths[0], inner, len(viewing.priors), inner.unit if scale is None else scale)
+    shape = _shape_of_pictures(viewing, sample)
     if not projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
-        return mapped(read(paths[0], size, pictures="images"), projection.from_measured)
+        return mapped(read_images(paths[0], shape), projection.from_measured)
+    framed = isinstance(projection, Cropped | FramedSilhouette)  # these are framed anew, from more pixels
+    size = 2 * shape[-1] if framed else shape[-1]
     if listed:
-        found = read_silhouettes(paths, 2 * size)
-    else:  # pictures of an .npz that are not framed anew are brought to the size of training
-        unframed = size if isinstance(projection, Silhouette) else None
-        found = read(paths[0], 2 * size if paths[0].is_dir() else unframed)
+        found = read_silhouettes(paths, size)
+    else:
+        found = read(paths[0], None if framed and not paths[0].is_dir() else size)
     if len(found.shape) != 3:
         raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
     return mapped(found, lambda y: projection.prepare(projection.from_measured(y)))
+
+
+def _shape_of_pictures(viewing: Viewing, sample: Tensor) -> torch.Size:
+    """Return the shape of the pictures of one sample (1, ...)."""
+    latents = viewing.draw(torch.zeros(1, dtype=torch.long), {}, generator_at(0))
+    with torch.no_grad():
+        return viewing.project(sample, latents).shape[1:]
+
+
+def read_images(path: Path, shape: Sequence[int]) -> Collection:
+    """Return pictures as they are, neither cut nor cropped, grey or in colour as training has them, of its size."""
+    return Collection.images(path, shape[-1], colour=shape[0] == IN_COLOUR)
+
+
+IN_COLOUR = 3
+
+
+def references(run: Run, path: Path) -> Collection:
+    """Return held-out samples, or pictures of such, as `Run.evaluate` takes them."""
+    size, panels = run.sample(1).shape[-1], [state.panel for state in of_different_kinds(run.assignments())]
+    pictured = [panel for panel in panels if len(panel.shape) == 3 and not isinstance(panel.projection, Identity)]
+    if not isinstance(run.domain, Volumes) or not pictured:
+        return run.domain.read(path, size)
+    panel = pictured[0]
+    found = run.domain.read(path, size) if panel.projection.silhouettes else read(path, size, pictures="images")
+    if found.shape == (size, size, size) or found.shape == panel.shape:
+        return found
+    return run.domain.read(path, panel.shape[-1]) if panel.projection.silhouettes else read_images(path, panel.shape)
 
 
 def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:
@@ -196,18 +240,21 @@ def doubts(run: Run, fit: Fit, p: Tensor | None) -> list[str]:
 
 
 def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
-    """Return the latents that --view gives, radians, in the order in which the projection takes them."""
+    """Return the latents that --view gives, `ANGLES` in radians, in the order in which the projection takes them."""
     if not latents:
         raise UserError(f"--view {view}: these pictures have no view; leave it out")
     try:
-        degrees = [float(part) for part in view.split(",")]
+        numbers = [float(part) for part in view.split(",")]
     except ValueError:
-        degrees = []
-    if not 1 <= len(degrees) <= len(latents) or not all(abs(angle) <= MAX_ANGLE for angle in degrees):
-        raise UserError(f"--view {view}: give degrees of {', '.join(latents)}, with commas between")
-    if latents[0] == "view" and not abs(degrees[0]) < 90:
+        numbers = []
+    given = dict(zip(latents, numbers, strict=False))
+    beyond = any(abs(value) > MAX_ANGLE for name, value in given.items() if name in ANGLES)
+    if not 1 <= len(numbers) <= len(latents) or beyond or not all(map(math.isfinite, numbers)):
+        names = ", ".join(latents)
+        what = f"degrees of {names}" if {*latents} <= {*ANGLES} else f"{names}, angles in degrees"
+        raise UserError(f"--view {view}: give {what}, with commas between")
+    if latents[0] == "view" and not abs(numbers[0]) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
-    given = dict(zip(latents, degrees, strict=False))
     if abs(given.get("elevation", 0)) > 90:
         raise UserError(f"--view {view}: an elevation of {given['elevation']:g} degrees is beyond a pole")
-    return {name: math.radians(value) for name, value in given.items()}
+    return {name: math.radians(value) if name in ANGLES else value for name, value in given.items()}

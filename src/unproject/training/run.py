@@ -161,7 +161,8 @@ class Run:
             return self_checks(self.generator, self.domain, states, count, seed) | views
         if isinstance(reference, Mapping):
             return observed_scores(self.generator, self.domain, states, reference, count, seed) | views
-        return sample_scores(self.generator, self.domain, states, as_floats(reference), count, seed) | views
+        references = reference if isinstance(reference, Collection) else Collection(as_floats(reference))
+        return sample_scores(self.generator, self.domain, states, references, count, seed) | views
 
     def verdict(self, *, seed: int = 0) -> Verdict:
         """Judge the run by a few dozen samples: whether views are found, projections match pictures, and so on.
