@@ -23,6 +23,13 @@ def test_images_are_turned_by_their_gauge_before_each_is_turned_at_random() -> N
     assert found < 1.3 * upright and left > 3 * upright
 
 
+def test_images_are_shown_as_they_are() -> None:
+    x = torch.zeros(1, 1, 8, 8)
+    x[..., 2:6, 2:6] = torch.tensor(1.5)  # a fit may go beyond
+    shown = Images().preview(x).convert("L")
+    assert [shown.getpixel(place) for place in ((0, 0), (6, 6))] == [0, 255]
+
+
 def test_faint_images_are_not_empty() -> None:
     faint = torch.zeros(3, 1, 8, 8)
     faint[0, :, 2:6, 2:6], faint[1, :, 2:6, 2:6] = 0.35, 0.01

@@ -58,7 +58,7 @@ class Images(Domain):
     open_reflection: ClassVar[bool] = True
 
     def preview(self, x: Tensor) -> Image.Image:
-        return export.silhouette_sheet(x, scale=2)
+        return export.silhouette_sheet(1 - x.clamp(0, 1), scale=2)  # silhouettes are shown dark on light
 
     def empty(self, x: Tensor) -> Tensor:
         return (x <= DARK).flatten(1).all(1)
