@@ -82,7 +82,7 @@ def silhouettes_quality(run: Run, recipe: Recipe, real: Tensor, seed: int = 1) -
     mmd, cov = (f"{name}_{SILHOUETTES}" for name in ("mmd", "cov"))
     return {
         "distance": found[mmd].value,
-        "distance_ratio": found[mmd].value / own[mmd].value,
+        "distance_ratio": found[mmd].value / max(own[mmd].value, 1e-6),
         "cov_ratio": found[cov].value / own[cov].value,
         "in_one_piece": run.domain.checks(x)["in_one_piece"].value,
         "held_out": len(real),

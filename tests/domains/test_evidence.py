@@ -10,7 +10,7 @@ from torch import Tensor
 
 from unproject.data import cars, chairs, observe
 from unproject.domains import Images, Maps, Volumes
-from unproject.domains.evidence import Evidence, label_finding, nearest
+from unproject.domains.evidence import Evidence, label_finding, match_finding, nearest
 from unproject.ops import rotate_y
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 
@@ -35,6 +35,12 @@ def honest() -> Evidence:
 
 def words(seen: Evidence) -> dict[str, str]:
     return {finding.name: finding.word for finding in Volumes().picture_findings(seen)}
+
+
+def test_what_is_no_distance_apart_makes_no_number_of_six_digits() -> None:
+    far = match_finding(639509.4, "p", 9, (1.2, 1.5), 0)
+    assert far.word == "failed" and "are over 100 times as far" in far.says and far.score.value == 639509.4
+    assert "are 8.10 times as far" in match_finding(8.1, "p", 9, (1.2, 1.5), 0).says
 
 
 def test_chairs_match_chairs(honest: Evidence) -> None:

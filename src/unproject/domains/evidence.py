@@ -67,9 +67,13 @@ def few_finding(seen: Evidence, seed: int) -> Finding:
     return Finding("few", score, max(count, MIN_PICTURES), -math.inf, says, "give more pictures, at least a hundred")
 
 
+MANY = 100
+
+
 def match_finding(ratio: float, protocol: str, n: int, levels: tuple[float, float], seed: int) -> Finding:
     """Judge how far generated pictures are from real ones, relative to other real ones."""
-    far = f"held-out pictures are {ratio:.2f} times as far from generated ones as from other training pictures"
+    times = f"{ratio:.2f}" if ratio < MANY else f"over {MANY}"  # pictures that are all alike are no distance apart
+    far = f"held-out pictures are {times} times as far from generated ones as from other training pictures"
     says = f"generated pictures match ({ratio:.2f} times the distance of real ones)" if ratio < levels[0] else far
     advice = "train longer (unproject resume --minutes); if it stays, look at the pictures (unproject data inspect)"
     return Finding("match", Score(ratio, protocol, n, seed), *levels, says, advice)
