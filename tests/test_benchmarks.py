@@ -213,6 +213,7 @@ def test_a_training_that_was_stopped_is_no_result(named: object, tmp_path: Path)
     assert finished(done) is done
 
 
+@pytest.mark.filterwarnings("ignore:.*skipped, the first.* empty")
 def test_many_masks_are_measured_against_few(named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     million = named("million")  # type: ignore[operator]
     for name, value in {"SIZE": 16, "VOXELS": 16, "SIDES": 2, "TURNS": 1, "EACH": 1}.items():

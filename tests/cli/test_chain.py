@@ -43,7 +43,7 @@ def shapes_sheet(x: Tensor) -> Image.Image:
 
 
 def digits_sheet(x: Tensor) -> Image.Image:
-    return export.silhouette_sheet(x, scale=2)
+    return export.silhouette_sheet(1 - x, scale=2)
 
 
 def materials_sheet(x: Tensor) -> Image.Image:

@@ -94,6 +94,7 @@ def test_code_from_elsewhere_is_not_imported_unasked(runs: Path, said: Said) -> 
     assert status == 400 and "trust" in found["error"]
 
 
+@pytest.mark.filterwarnings("ignore:.*1 of 7 skipped, the first. bad.png")
 def test_pictures_that_were_skipped_are_named(tmp_path: Path, said: Said) -> None:
     masks = tmp_path / "masks"
     masks.mkdir()

@@ -39,6 +39,7 @@ class Domain(ABC):
         written: the format that samples are written in unless another is named.
         open_reflection: a projection of a sample in a view is also that of its mirror image in another view, so that
             data of unknown views leave a reflection open for each sample by itself.
+        reads_silhouettes: `read` takes pictures for silhouettes.
 
     Examples:
         >>> import torch, unproject as up
@@ -58,6 +59,7 @@ class Domain(ABC):
     scored: ClassVar[int] = 256
     written: ClassVar[str] = "npz"
     open_reflection: ClassVar[bool] = False
+    reads_silhouettes: ClassVar[bool] = False
 
     @abstractmethod
     def preview(self, x: Tensor) -> Image.Image:

@@ -50,6 +50,7 @@ class Volumes(Domain):
     previewed: ClassVar[int] = 6
     scored: ClassVar[int] = 256
     written: ClassVar[str] = "glb"
+    reads_silhouettes: ClassVar[bool] = True
     sized: bool = True
 
     def preview(self, x: Tensor) -> Image.Image:

@@ -22,7 +22,7 @@ from ..data.readers.lights import SUFFIXES as MATERIALS
 from ..data.readers.lines import MAX_ANGLE
 from ..data.readers.pictures import SUFFIXES as PICTURES
 from ..data.readers.pictures import required_pictures
-from ..domains import Domain, Volumes
+from ..domains import Domain
 from ..inversion import DOUBTFUL, Fit, Viewing
 from ..inversion.novelty import combined
 from ..metrics import Gauge
@@ -137,7 +137,7 @@ def references(run: Run, path: Path) -> Collection:
     """Return held-out samples, or pictures of such, as `Run.evaluate` takes them."""
     size, panels = run.sample(1).shape[-1], [state.panel for state in of_different_kinds(run.assignments())]
     pictured = [panel for panel in panels if len(panel.shape) == 3 and not isinstance(panel.projection, Identity)]
-    if not isinstance(run.domain, Volumes) or not pictured:
+    if not run.domain.reads_silhouettes or not pictured:
         return run.domain.read(path, size)
     panel = pictured[0]
     found = run.domain.read(path, size) if panel.projection.silhouettes else read(path, size, pictures="images")
