@@ -18,6 +18,7 @@ from ..adversarial.axisymmetric import Axisymmetric
 from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid, Varied
 from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, holds_materials, mapped, observe, plane_of_symmetry, read, with_flips
+from ..data.readers.paths import holds_shapes
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.feet import ROUND, round_feet
@@ -36,6 +37,8 @@ PROCEDURAL_CHAIRS = 1000
 BANDS = 12
 CHECKED = 1024
 """Pictures that are looked at to tell whether and how they were cropped, and whether cameras were level."""
+ENLARGED = 2
+"""How many times as large as silhouettes pictures are read that are framed anew."""
 FEET = 256
 """Pictures of which the feet are looked at."""
 HELD_OUT, MOST_HELD_OUT = 0.1, 6554
@@ -111,16 +114,17 @@ def pictures_of(
     """Return a collection as its observations make pictures, the observations, and the share of round feet.
 
     The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
-    and volumes stay as they are. Cropped ones are read again, twice as large, since most become smaller.
+    and volumes stay as they are. Cropped ones are read twice as large, since most become smaller.
     """
     observations = silhouette_views(silhouette, bins, bands)
-    collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed)
+    by_reader = data is not None and Path(data).is_dir() and not holds_shapes(Path(data))
+    times = ENLARGED if by_reader else 1
+    collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed, times)
     if collection.shape[0] != 1 or is_rendered(collection):
         return collection, observations, 0.0
     some = some_of(collection)
     if not bool((some > 0.5).any()):
         raise UserError(f"{collection.source}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
-    by_reader = data is not None and Path(data).is_dir()
     if data is not None and by_reader and holds_materials(data):
         warnings.warn(
             f"{data}: is named as materials are; shapes take each picture for a silhouette. See unproject data inspect "
@@ -129,7 +133,7 @@ def pictures_of(
         )
     if not by_reader and common_fill(some) is None:
         return collection, observations, round_feet(some[spread_rows(len(some), FEET)])
-    larger = collection if data is None else read(data, size=2 * collection.shape[-1])
+    larger = collection if data is None or by_reader else read(data, size=ENLARGED * collection.shape[-1])
     some = some_of(larger)
     cropped = Cropped(silhouette, common_height(some))
     if cropped.height == LEAST_HEIGHT:
@@ -184,12 +188,16 @@ def silhouettes_of(
     views_per_shape: int,
     binary: bool,
     seed: int,
+    times: int = 1,
 ) -> Collection:
-    """Return the silhouettes that `data` holds, or those rendered of its volumes; for direct training the volumes."""
+    """Return the silhouettes that `data` holds, or those rendered of its volumes; for direct training the volumes.
+
+    Pictures are so many `times` as large as those of the observations.
+    """
     silhouette = observations[0].projection
     assert isinstance(silhouette, Silhouette) and silhouette.size is not None
     size = silhouette.size
-    collection = read_or_make(data, size)
+    collection = read_or_make(data, times * size)
     volumetric = collection.shape == (size, size, size)
     if views == "direct":
         if not volumetric:
