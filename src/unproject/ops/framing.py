@@ -24,7 +24,7 @@ from .resampling import centres, sample_volume
 STEEP = 0.25
 """The least step between two pixels of a profile whose crossing is placed between them."""
 FAINT, EDGE = 0.1, 3
-"""Share of the profile's maximum from which on something is there, and pixels that a soft edge takes at most."""
+"""The share of a pixel (of the largest of a profile) from which on something is there, and pixels of a soft edge."""
 
 
 class Box(NamedTuple):

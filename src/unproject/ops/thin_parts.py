@@ -9,11 +9,10 @@ import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
+from .framing import FAINT
 from .parts import grown, number_parts
 
 LEVELS = (0.5, 0.45, 0.4, 0.35, 0.3, 0.25)
-FAINT = 0.1
-"""The share of a pixel that is covered from which something is there to be shown."""
 SHARE = 0.95
 ROUNDING = 1e-6
 """By so much a share that was computed may be below the true one."""

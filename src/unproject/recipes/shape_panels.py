@@ -118,8 +118,8 @@ def pictures_of(
     """
     observations = silhouette_views(silhouette, bins, bands)
     by_reader = data is not None and Path(data).is_dir() and not holds_shapes(Path(data))
-    times = ENLARGED if by_reader else 1
-    collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed, times)
+    enlarged = ENLARGED if by_reader else 1
+    collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed, enlarged)
     if collection.shape[0] != 1 or is_rendered(collection):
         return collection, observations, 0.0
     some = some_of(collection)
@@ -137,8 +137,8 @@ def pictures_of(
     some = some_of(larger)
     cropped = Cropped(silhouette, common_height(some))
     if cropped.height == LEAST_HEIGHT:
-        times = f"{WIDEST / LEAST_HEIGHT:.1f} times as wide as high"
-        warnings.warn(f"{larger.source}: many pictures are over {times}: they are cut at both sides", stacklevel=2)
+        aspect = f"{WIDEST / LEAST_HEIGHT:.1f} times as wide as high"
+        warnings.warn(f"{larger.source}: many pictures are over {aspect}: they are cut at both sides", stacklevel=2)
     cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some)))
     feet = round_feet(some[spread_rows(len(some), FEET)])
     return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), feet
@@ -188,16 +188,16 @@ def silhouettes_of(
     views_per_shape: int,
     binary: bool,
     seed: int,
-    times: int = 1,
+    enlarged: int = 1,
 ) -> Collection:
     """Return the silhouettes that `data` holds, or those rendered of its volumes; for direct training the volumes.
 
-    Pictures are so many `times` as large as those of the observations.
+    Pictures are `enlarged` times as large as those of the observations.
     """
     silhouette = observations[0].projection
     assert isinstance(silhouette, Silhouette) and silhouette.size is not None
     size = silhouette.size
-    collection = read_or_make(data, times * size)
+    collection = read_or_make(data, enlarged * size)
     volumetric = collection.shape == (size, size, size)
     if views == "direct":
         if not volumetric:

@@ -6,9 +6,9 @@
    coverage near 0 outside the object: the polarity is read off the border. Of a mask whose object takes more than a
    tenth of the border, as close crops are, it is that of most masks of the folder whose border tells it; where most
    are so close, all show light objects. `polarity="light"` (object light, b = 0) or `"dark"` (object dark, b = 1) is
-   of all. What has two values alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1. So has a few
-   labels of nearly the background's value, all of which are the object. Beside these, 255 is the void around objects,
-   as segmentations mark it, and left out.
+   of all. What has two values alone is a mask whatever they are: labels 0 and 1 are coverage 0 and 1. If there are a
+   few labels of nearly the background's value, all of them are the object; beside these, 255 is the void around
+   objects, as segmentations mark it, and left out.
 2. Threshold. A pixel belongs to the object if its coverage is at least `threshold`; in a photograph (a picture
    in which fewer than nine in ten pixels inside the object are nearly as far from the background as can be) at
    least `photo_threshold`, because pale parts are close to a pale backdrop. A photograph of whose border nearly
