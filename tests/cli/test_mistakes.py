@@ -74,3 +74,16 @@ def test_a_place_that_is_taken_is_refused_before_anything_is_said(
     assert main(["train", "shapes", "--size", "16", "--steps", "1", "--out", str(tmp_path)]) == 2
     said = capsys.readouterr()
     assert "holds a run already" in said.err and said.out == ""
+
+
+@pytest.mark.parametrize(
+    ("run", "flags"), [("taken", ["--out", "taken"]), ("runs/shapes-0", []), ("runs/shapes-7", ["--seed", "7"])]
+)
+def test_a_place_that_is_taken_is_refused_before_the_data_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], run: str, flags: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(run).mkdir(parents=True)
+    (Path(run) / "recipe.json").write_text("{}", encoding="utf-8")
+    assert main(["train", "shapes", "--data", "missing", *flags]) == 2
+    assert capsys.readouterr().err.startswith(f"unproject: {run}: holds a run already")

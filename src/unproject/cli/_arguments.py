@@ -16,7 +16,7 @@ import math
 import os
 import types
 import typing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from enum import Enum
 from functools import partial
@@ -53,11 +53,18 @@ def bind(verb: str, argv: Sequence[str], *functions: Callable[..., Any], skip: i
     return [_filled(function, signature, values) for function, signature in zip(functions, signatures, strict=True)]
 
 
-def bind_recipe(verb: str, argv: Sequence[str], run: Callable[..., Any]) -> Callable[[], Any]:
+def bind_recipe(
+    verb: str,
+    argv: Sequence[str],
+    run: Callable[..., Any],
+    *,
+    first: Callable[[str, Mapping[str, Any]], object] | None = None,
+) -> Callable[[], Any]:
     """Read `RECIPE --flags` for `run(recipe, /, *, ...)`: flags of the recipe's function, of `Recipe` and of `run`.
 
     RECIPE is a built-in name, `module:function` or `path/to/file.py:function`. What is returned makes the recipe, by
-    calling its function with the flags it takes and setting the other fields, and hands it to `run`.
+    calling its function with the flags it takes and setting the other fields, and hands it to `run`. `first` is called
+    before that with RECIPE and all flags, to refuse what needs no data to be refused.
     """
     if argv and not argv[0].startswith("-"):
         factory = find_recipe(argv[0])
@@ -66,8 +73,11 @@ def bind_recipe(verb: str, argv: Sequence[str], run: Callable[..., Any]) -> Call
         def call() -> Any:
             from unproject.training import make
 
+            given = {**own.keywords, **options()}
+            if first is not None:
+                first(argv[0], {**given, **go.keywords})
             with busy("reading the data"):
-                recipe = make(argv[0], factory, {**own.keywords, **options()})
+                recipe = make(argv[0], factory, given)
             return go(recipe)
 
         return call

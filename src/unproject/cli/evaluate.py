@@ -29,6 +29,7 @@ def run(
     /,
     *,
     reference: Path | None = None,
+    observation: str | None = None,
     n: int | None = None,
     seed: int = 0,
     ceiling: bool = False,
@@ -47,6 +48,8 @@ def run(
         reference: held-out shapes, images or materials; or silhouettes, line integrals, or photographs of materials in
             sub-folders by their light (default: for runs without --data, held-out samples of the recipe's own data
             set).
+        observation: what the references are pictures of, by the name of one of the run's observations (default: their
+            shape tells, and where it does not they are samples).
         n: how many samples to score (default: 256 shapes, 2000 images or 500 materials).
         seed: of the samples and of the measurement.
         ceiling: also train a view predictor on the known views, as an upper bound.
@@ -65,7 +68,11 @@ def run(
     opened = load(path, trust=trust).with_recipe()
     size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
     seen = {panel.observations[0].name: panel.shape for panel in opened.recipe().panels}
-    if reference is not None and (lights := _photographs_of(opened, reference, seen)):
+    if observation is not None:
+        if reference is None:
+            raise UserError(f"--observation {observation}: names what --reference holds pictures of; give that too")
+        against = references(opened, reference, observation)
+    elif reference is not None and (lights := _photographs_of(opened, reference, seen)):
         against = _photographs(reference, lights, size, seen)
     elif reference is not None:
         patches = patches_of(opened.domain, origin, reference, size, count)

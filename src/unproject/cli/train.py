@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -56,8 +56,7 @@ def run(
 
     use_threads(threads)
     _estimate(recipe, device)
-    name = recipe.origin.recipe.rpartition(":")[2] if recipe.origin else "recipe"
-    out = out or Path("runs") / f"{name}-{recipe.seed}"
+    out = out or _usual(recipe.origin.recipe if recipe.origin else "recipe", recipe.seed)
     check_free(out, recipe)
     if not quiet:
         studio = f"unproject studio {shlex.quote(str(out.parent))}"
@@ -78,8 +77,19 @@ def run(
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:
     """Return what makes the recipe, which may need memory for data, and trains it."""
-    call = bind_recipe("train", argv, run)
+    call = bind_recipe("train", argv, run, first=_refuse_taken)
     return in_processes("train", argv, _unchecked(call) if "--force" in argv else call)
+
+
+def _refuse_taken(recipe: str, given: Mapping[str, Any]) -> None:
+    """Raise UserError if a run cannot be made there, before minutes are spent on reading the data."""
+    from ..training.run_directory import check_free
+
+    check_free(given.get("out") or _usual(recipe, given.get("seed", 0)))
+
+
+def _usual(recipe: str, seed: int) -> Path:
+    return Path("runs") / f"{recipe.rpartition(':')[2]}-{seed}"
 
 
 def _unchecked(call: Callable[[], Any]) -> Callable[[], Any]:

@@ -23,9 +23,10 @@ from torch import Tensor
 from typing_extensions import Self
 
 from .._types import UserError
+from .items import check_lengths, checked, tensor_of
 from .lazy import Lazy, Rows
 from .readers.arrays import read_arrays
-from .readers.found import Found, chunks, to_floats, white_of
+from .readers.found import Found, to_floats, white_of
 from .readers.framing import Framing
 from .readers.options import ReadOptions
 from .readers.paths import find
@@ -88,10 +89,10 @@ class Collection:
             UserError: if there is no item, a value is not finite, items are integers of another type (nothing says what
                 stands for 1), or names or latents are of another length.
         """
-        items = _checked(_tensor(items, source), source)
+        items = checked(tensor_of(items, source), source)
         names = [f"{i:05d}" for i in range(len(items))] if names is None else names
         known = None if latents is None else {name: torch.as_tensor(v).float() for name, v in latents.items()}
-        _check_lengths(source, len(items), {"names": names, **(known or {})})
+        check_lengths(source, len(items), {"names": names, **(known or {})})
         values = (items, tuple(names), known, tuple(skipped), source, white or white_of(items))
         for name, value in zip(self.__dataclass_fields__, values):
             object.__setattr__(self, name, value)
@@ -114,7 +115,16 @@ class Collection:
         return cls._of(find(path, ReadOptions(size, framing=framing, strict=strict)), "pictures")
 
     @classmethod
-    def images(cls, path: PathLike, size: int | None = None, *, colour: bool = False, strict: bool = False) -> Self:
+    def images(
+        cls,
+        path: PathLike,
+        size: int | None = None,
+        *,
+        colour: bool = False,
+        strict: bool = False,
+        latents: Sequence[str] = (),
+        unbounded: bool = False,
+    ) -> Self:
         """Read pictures (N, 1, H, W) as they are: neither thresholded nor cropped.
 
         Args:
@@ -123,11 +133,16 @@ class Collection:
                 in twice, and get a dark margin; default: as stored, which must be one size for all.
             colour: keep red, green and blue, (N, 3, H, W); default: grey, 0.299 R + 0.587 G + 0.114 B.
             strict: fail on the first picture that cannot be used instead of skipping it.
+            latents: names of arrays (N,) of an .npz that are latents of an operator of your own, as they are.
+            unbounded: take floats of any size, not only in [0, 1].
 
         Raises:
             UserError: if there is nothing there that can be used.
         """
-        return cls._of(find(path, ReadOptions(size, images=True, colour=colour, strict=strict)), "pictures")
+        options = ReadOptions(
+            size, images=True, colour=colour, strict=strict, latents=tuple(latents), unbounded=unbounded
+        )
+        return cls._of(find(path, options), "pictures")
 
     @classmethod
     def lines(cls, path: PathLike) -> Self:
@@ -274,35 +289,3 @@ def as_floats(items: Any) -> Tensor:
     if isinstance(items, Tensor) and items.is_floating_point():
         return items
     return (items if isinstance(items, Collection) else Collection(items)).floats()
-
-
-def _tensor(items: Any, source: str) -> Tensor | Lazy:
-    if isinstance(items, Lazy):
-        return items
-    if isinstance(items, (str, os.PathLike)):
-        raise UserError(
-            f"{os.fspath(items)}: a Collection is made of items; read a path with Collection.silhouettes, .images, "
-            ".lines, .volumes, .materials or .photographs"
-        )
-    items = torch.as_tensor(items)
-    if not (items.dtype in (torch.uint8, torch.bool) or items.is_floating_point()):
-        raise UserError(f"{source}: is of type {str(items.dtype).removeprefix('torch.')}; give bool, uint8 or floats")
-    return items if items.dtype == torch.uint8 else items.byte() if items.dtype == torch.bool else items.float()
-
-
-def _checked(items: Tensor | Lazy, source: str) -> Tensor | Lazy:
-    if not items.shape or 0 in items.shape:
-        raise UserError(f"{source}: holds no items; give at least one")
-    if (
-        isinstance(items, Tensor)
-        and items.is_floating_point()
-        and not all(bool(torch.isfinite(part).all()) for part in chunks(items))
-    ):
-        raise UserError(f"{source}: has values that are NaN or infinite; replace them")
-    return items
-
-
-def _check_lengths(source: str, count: int, columns: Mapping[str, Any]) -> None:
-    for name, column in columns.items():
-        if len(column) != count:
-            raise UserError(f"{source}: {count} items but {len(column)} values of {name}; give one for each item")

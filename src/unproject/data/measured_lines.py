@@ -28,7 +28,11 @@ INTENSITIES = "lines are higher at both ends than in the middle, as intensities 
 TOLD, HIGHER = 20, 1.1
 """Lines at least, and how much higher their ends are than the middle, if they surely are."""
 NEGATIVE = 0.1
-"""Readings below 0, as a share of the largest, that pass for noise."""
+"""How far below 0, as a share of the largest, detectors of line integrals may read on average."""
+NOISY = (
+    "readings scatter below 0 by {:.0%} of the largest: training knows no noise, so that images learn it as if it were "
+    "theirs; average neighbouring readings, or train an operator of your own that adds such noise"
+)
 
 
 def standardised_lines(found: Collection, bins: int, scale: float = 1.0, center: float | None = None) -> Collection:
@@ -110,14 +114,21 @@ def scale_of(found: Collection) -> float:
     within reach, as are fainter ones of any size.
 
     Raises:
-        UserError: for readings that are 0, or as negative as no noise is.
+        UserError: for readings that are 0, or negative on average at some detectors, as no noise is.
+
+    Warns:
+        UserWarning: for noise below 0.
     """
-    lines = found.batch(spread_rows(len(found), MAX_LINES)).flatten().double()
+    readings = found.batch(spread_rows(len(found), MAX_LINES)).double()
+    lines, profile = readings.flatten(), readings.flatten(0, 1).mean(0)
     ordered = lines.sort().values
     low, high = ordered[len(ordered) // 100].item(), ordered[-1 - len(ordered) // 1000].item()
-    if high <= 0 or low < -NEGATIVE * high:
+    enough = len(readings) >= TOLD  # of few lines the mean of a detector is as noisy as a reading
+    if high <= 0 or (profile.min().item() if enough else low) < -NEGATIVE * high:
         raise UserError(
             f"{found.source}: readings run from {lines.min():g} to {lines.max():g}; line integrals are sums of what is "
             "not negative: take -log(I / I0) of intensities, and subtract what is read beside the object"
         )
+    if low < -NEGATIVE * high:
+        warnings.warn(f"{found.source}: {NOISY.format(-low / high)}", stacklevel=2)
     return 1.0 if high >= MIN_UNSCALED and lines.max() <= MAX_UNSCALED else float(f"{high / TYPICAL:.4g}")

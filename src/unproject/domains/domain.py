@@ -18,11 +18,13 @@ from torch import Tensor
 from .._files import atomic_path
 from .._types import UserError
 from ..data import Collection
+from ..data.readers.arrays import load_arrays
 from ..export import Written, save_image
-from ..metrics import Finding, Score
+from ..metrics import Finding, Score, picture_scores
 from ..metrics.picture_sets import root_mean_square
 from ..projections.observation import Observation
 from .evidence import MATCH, Evidence, match_finding, nearest, pairs, variety_finding
+from .views import free_turns
 
 Exporter = Callable[..., Written]
 """(samples, path, **options) → what was written."""
@@ -40,6 +42,8 @@ class Domain(ABC):
         open_reflection: a projection of a sample in a view is also that of its mirror image in another view, so that
             data of unknown views leave a reflection open for each sample by itself.
         reads_silhouettes: `read` takes pictures for silhouettes.
+        turned_by: the latent that turns a sample: raised by an angle it gives the projection of the sample turned by
+            that angle, so that data of unknown views leave a turn of all samples open. None: no latent does.
 
     Examples:
         >>> import torch, unproject as up
@@ -60,6 +64,7 @@ class Domain(ABC):
     written: ClassVar[str] = "npz"
     open_reflection: ClassVar[bool] = False
     reads_silhouettes: ClassVar[bool] = False
+    turned_by: ClassVar[str | None] = None
 
     @abstractmethod
     def preview(self, x: Tensor) -> Image.Image:
@@ -120,8 +125,11 @@ class Domain(ABC):
     def projection_scores(
         self, y: Tensor, reference: Tensor, seed: int = 0, silhouettes: bool = False
     ) -> dict[str, Score]:
-        """Score projections of samples (N, ...) against those of the data (M, ...); `silhouettes` if they are such."""
-        return {}
+        """Score projections of samples (N, ...) against those of the data (M, ...); `silhouettes` if they are such.
+
+        By root mean square differences, unless a domain knows better.
+        """
+        return picture_scores(y, reference, seed=seed)
 
     def findings(self, x: Tensor, seed: int = 0) -> list[Finding]:
         """Judge samples by themselves."""
@@ -165,7 +173,13 @@ class Domain(ABC):
         Args:
             fixed: whether known views fix the pose.
         """
-        return None
+        if fixed or not self.turns_by(observations):
+            return None
+        return free_turns(observations, self.half_turn(observations))
+
+    def turns_by(self, observations: Sequence[Observation]) -> bool:
+        """Whether the first latent of these observations is the one that turns samples."""
+        return self.turned_by is not None and observations[0].prior.names[:1] == (self.turned_by,)
 
     def bins(self, observations: Sequence[Observation]) -> int:
         """Return in how many bins the views of these observations are scored."""
@@ -176,8 +190,18 @@ class Domain(ABC):
         return False
 
     def read(self, path: Path, size: int) -> Collection:
-        """Read references from a path. Raises UserError if it holds none."""
-        raise UserError(f"{path}: a {self.name} is scored by its own domain; give no reference")
+        """Read references from a path, by default samples that `unproject sample` wrote.
+
+        Raises:
+            UserError: if it holds none.
+        """
+        if path.suffix.lower() != ".npz":
+            raise UserError(f"{path}: give an .npz of {self.name}s, as `unproject sample` writes it")
+        arrays = load_arrays(path)
+        try:
+            return Collection(self.samples(arrays), source=str(path))
+        except UserError as error:
+            raise UserError(f"{path}: {error}") from error
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

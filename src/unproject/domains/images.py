@@ -1,7 +1,8 @@
-"""Images: (N, 1, H, W) in [0, 1]."""
+"""Images: (N, 1 or 3, H, W) in [0, 1]."""
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from ..metrics import (
 )
 from ..projections.observation import Observation
 from .domain import Domain
-from .views import cover_half_a_turn, free_turns, view_bins
+from .views import cover_half_a_turn, view_bins
 
 NO_DIGITS = (
     "the references do not look like handwritten digits, white on black: frechet, kernel, precision, recall, "
@@ -40,7 +41,9 @@ DIRECTIONS = 10
 
 @dataclass(frozen=True)
 class Images(Domain):
-    """Grey images (N, 1, H, W) in [0, 1]; turned in the plane by an unknown direction's `angle`.
+    """Images (N, 1, H, W) in [0, 1], or in colour (N, 3, H, W); turned in the plane by an unknown direction's `angle`.
+
+    Features and turns are of grey ones; images in colour are scored by their pixels.
 
     Examples:
         >>> import unproject as up
@@ -56,14 +59,19 @@ class Images(Domain):
     scored: ClassVar[int] = 2000
     written: ClassVar[str] = "png"
     open_reflection: ClassVar[bool] = True
+    turned_by: ClassVar[str | None] = "angle"
 
     def preview(self, x: Tensor) -> Image.Image:
+        if x.shape[1] != 1:
+            return export.picture_sheet(x, columns=math.isqrt(len(x) - 1) + 1, cell=2 * x.shape[-1] + 4)
         return export.silhouette_sheet(1 - x.clamp(0, 1), scale=2)  # silhouettes are shown dark on light
 
     def empty(self, x: Tensor) -> Tensor:
         return (x <= DARK).flatten(1).all(1)
 
     def scores(self, x: Tensor, reference: Tensor, seed: int = 0, turns: int | None = None) -> dict[str, Score]:
+        if x.shape[1] != 1:
+            return pixel_scores(x, reference, seed=seed)
         upright = image_scores(x, reference, bins=turns, seed=seed)
         if turns:
             x = apply_to_images(
@@ -80,12 +88,9 @@ class Images(Domain):
     def projection_scores(
         self, y: Tensor, reference: Tensor, seed: int = 0, silhouettes: bool = False
     ) -> dict[str, Score]:
-        return line_scores(y, reference, seed=seed) if reference.dim() == 3 else {}
-
-    def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
-        if fixed or not observations[0].prior.names:
-            return None
-        return free_turns(observations, self.half_turn(observations))
+        if reference.dim() == 3:
+            return line_scores(y, reference, seed=seed)
+        return super().projection_scores(y, reference, seed, silhouettes)
 
     def bins(self, observations: Sequence[Observation]) -> int:
         return view_bins(observations)

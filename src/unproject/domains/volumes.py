@@ -23,7 +23,7 @@ from ..projections.observation import Observation
 from .domain import Domain, Exporter
 from .evidence import Evidence, label_finding, likeness_finding, nearest
 from .sides import side_findings
-from .views import free_turns, view_bins
+from .views import view_bins
 
 CRUMB = 0.01
 WHOLE, EMPTY = (0.5, 0.2), (0.05, 0.5)
@@ -51,6 +51,7 @@ class Volumes(Domain):
     scored: ClassVar[int] = 256
     written: ClassVar[str] = "glb"
     reads_silhouettes: ClassVar[bool] = True
+    turned_by: ClassVar[str | None] = "azimuth"
     sized: bool = True
 
     def preview(self, x: Tensor) -> Image.Image:
@@ -120,9 +121,6 @@ class Volumes(Domain):
 
     def side_findings(self, observations: Sequence[Observation], shares: Tensor, known: bool) -> list[Finding]:
         return side_findings(observations, shares, known)
-
-    def turns(self, observations: Sequence[Observation], fixed: bool) -> int | None:
-        return free_turns(observations, False) if observations[0].prior.names and not fixed else None
 
     def bins(self, observations: Sequence[Observation]) -> int:
         return view_bins(observations)

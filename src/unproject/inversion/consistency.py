@@ -33,6 +33,8 @@ AT_ONCE, STEPS, SETTLED = 256, 1000, 1e-7
 """Rows of A made at once; steps of the descent at most, and the change of a value at which it has ended."""
 NOISE = tuple(10.0 ** (half / 2) for half in range(-12, 7))
 """Values of μ that are compared, in units of the mean λ_i."""
+EQUAL = 1e-3
+"""Eigenvalues that differ by less, as a share of the largest, are equal."""
 EXACT = 1e-7
 """Singular values of A that are no rounding, as a share of the largest."""
 
@@ -81,6 +83,12 @@ class Readings:
         values, axes = torch.linalg.eigh(self.matrix.T @ self.matrix)
         values = values.clamp_min(0)
         return values, self.matrix @ axes / values.sqrt().clamp_min(EXACT * values.max().sqrt())
+
+    @property
+    def tell_noise(self) -> bool:
+        """Whether noise of readings differs from a misfit of samples: not if all λ are equal, as of means of pixels."""
+        values = self.spectrum[0]
+        return bool(values.max() - values.min() > EQUAL * values.max())
 
     def noise(self, misfit: Tensor) -> float:
         """Return μ, the most likely for a misfit r (M,)."""

@@ -37,6 +37,7 @@ from ..networks import Generator
 from .candidates import Candidates, each, rows
 from .consistency import MAX_ENTRIES, Readings
 from .fit import Fit
+from .given import Pictures, check_pictures
 from .search import Search
 from .tuning import tuned
 from .viewing import Latents, Viewing
@@ -64,18 +65,6 @@ class State:
         return State(self.v[which], self.bins[which], {name: value[which] for name, value in self.theta.items()})
 
 
-@dataclass(frozen=True)
-class Pictures:
-    """Pictures (M, ...) of one object, what is known of their views, (M,) by name, and their possible bins (M, K)."""
-
-    y: Tensor
-    known: dict[str, Tensor]
-    possible: Tensor
-
-    def __len__(self) -> int:
-        return len(self.y)
-
-
 @dataclass(frozen=True, eq=False)
 class Fitter:
     """Finds samples of a generator by pictures; what is the same for all pictures is made once.
@@ -100,34 +89,29 @@ class Fitter:
         return Candidates(self.generator, self.viewing, self.search.candidates, self.seed, self.repeated)
 
     def check(self, pictures: Tensor) -> None:
-        """Raise UserError if there is no picture, or they are not of the size of the generator's projections."""
-        wanted, given = tuple(self.candidates.projections.shape[2:]), tuple(pictures.shape[1:])
-        if given != wanted or not len(pictures):
-            raise UserError(f"{len(pictures)} pictures of {given}; give at least one, of {wanted} as in training")
+        """Raise UserError if there is no picture, one is not finite, or they are of another size than projections."""
+        check_pictures(pictures, self.candidates.projections)
 
     def fit(self, pictures: Tensor | np.ndarray, known: Latents | None = None, watch: Watch = lambda *of: None) -> Fit:
         """Return explanations of pictures (M, ...) of one object.
 
         Args:
-            pictures: a tensor or an array of floats, or of bytes, which are scaled as `Collection` does.
-            known: latents of the views that are known, by name, (M,) each.
+            pictures: a tensor or an array of floats, in the unit of projections (`Projection.from_measured` converts
+                readings); or of bytes, which are scaled as `Collection` does.
+            known: latents of the views that are known, by name, (M,) each; angles in radians.
             watch: told of each step; what it raises ends the fit.
+
+        Warns:
+            UserWarning: if pictures are over ten times as bright as projections of samples are, or known latents lie
+                outside all that the run was trained on.
 
         Raises:
             UserError: if there is no picture, they are not of the size of the generator's projections, or what is known
-                is no latent of these, or of another number.
+                is no latent of these, or of another number; or something is not finite.
         """
         pictures = as_floats(pictures)
         self.check(pictures)
-        known = {name: torch.as_tensor(value).float() for name, value in (known or {}).items()}
-        latents = (*self.viewing.projection.latents, *self.viewing.projection.optional_latents)
-        for name, value in known.items():
-            if name not in latents or tuple(value.shape) != (len(pictures),):
-                raise UserError(
-                    f"known {name!r} of shape {tuple(value.shape)}: give ({len(pictures)},) values of "
-                    f"{', '.join(latents) or 'nothing, as these pictures have no latents'}"
-                )
-        of = Pictures(pictures, known, self.viewing.possible(known, len(pictures)))
+        of = Pictures.of(pictures, known or {}, self.viewing)
         rng = generator_at(self.seed, 0, "fit")
         with _without_gradient(self.generator):
             state = self._descended(self._starts(of, rng), of, rng, watch)
@@ -230,19 +214,17 @@ class Fitter:
             return Fit(x, state.v, distance, weight, state.theta, posterior, projected, consistent)
 
     def _is_linear(self, x: Tensor, of: Pictures) -> bool:
-        """Whether pictures are linear in samples, in views that are known, and not too many.
+        """Whether pictures are linear in samples, in views that are known, not too many, and noise can be told.
 
-        Pictures without views, such as one map of a material, have A Aᵀ = 1: noise looks like all else there.
+        Samples themselves, one map of a material and means of pixels have A Aᵀ ∝ 1: noise looks like all else there.
         """
         few = of.y.numel() * x[0].numel() <= MAX_ENTRIES
-        viewed = bool(of.known) and self.viewing.is_known(of.known)
-        return self.search.consistent and self.viewing.projection.linear and viewed and few
+        linear = self.search.consistent and self.viewing.projection.linear and self.viewing.is_known(of.known)
+        return linear and few and self._readings(_views(of), len(of), x.shape[1:]).tell_noise
 
     def _completed(self, x: Tensor, of: Pictures) -> Tensor:
         """Return samples (S, ...) that agree with the pictures, within [0, 1] if all candidates are."""
-
-        views = tuple((name, tuple(value.tolist())) for name, value in of.known.items())
-        readings = self._readings(views, len(of), x.shape[1:])
+        readings = self._readings(_views(of), len(of), x.shape[1:])
         among = self.candidates.x.amin() >= 0 and self.candidates.x.amax() <= 1
         bounds = (0.0, 1.0) if among else (-math.inf, math.inf)
         completed = readings.completed(x.flatten(1).double(), of.y.flatten().double(), bounds)
@@ -284,6 +266,11 @@ class Fitter:
                 best = torch.minimum(best, distance)
             least[..., k] = torch.minimum(least[..., k], best)
         return _likelihood(least, of.y.shape[-1], 2)
+
+
+def _views(of: Pictures) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """Return what is known of the views of pictures, as a key."""
+    return tuple((name, tuple(value.tolist())) for name, value in of.known.items())
 
 
 def _likelihood(distance: Tensor, readings: int, dim: int) -> Tensor:

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..data.readers.lines import MOST_RADIANS
 from ..projections.base import Projection
 from ..projections.observation import Observation, exact
 from ..projections.priors import Prior, factors_of, sample_each
 
 Latents = Mapping[str, Tensor]
+TURNS = ("azimuth", "angle", "roll")
+"""Latents that turn a sample or the camera, of any number of turns."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,23 @@ class Viewing:
                     found[:, k] &= factor.contains(known)
             inside &= found | ~found.any(1, keepdim=True)
         return inside | ~inside.any(1, keepdim=True)
+
+    def outside(self, known: Latents) -> tuple[str, ...]:
+        """Return the known latents that are outside what was trained on: angles that are degrees, or others in no bin.
+
+        Of turns, which may lie between bins, the size alone tells; of others the priors that draw nothing else do.
+        """
+        factors = [factor for prior in self.priors for factor in factors_of(prior)]
+        found = []
+        for name, value in known.items():
+            if name in TURNS:
+                inside = value.abs() <= MOST_RADIANS
+            else:
+                told = [factor.contains(known) for factor in factors if factor.names == (name,)]
+                inside = torch.stack(told).any(0) if told else torch.ones_like(value)
+            if not bool(inside.all()):
+                found.append(name)
+        return tuple(found)
 
     def draw(self, bins: Tensor, known: Latents, rng: torch.Generator) -> dict[str, Tensor]:
         """Return latents (B,) of these bins (B,); those that are known, (B,) each, as they are."""

@@ -65,7 +65,10 @@ class Discriminator(nn.Module):
         sides = shape if volumetric else shape[1:]
         dims = len(sides)
         if dims not in ((3,) if volumetric else (1, 2)) or any(side < 1 or side % 2**BLOCKS for side in sides):
-            raise UserError(f"discriminator: four halvings need sides that are multiples of 16, not {shape}")
+            raise UserError(
+                f"discriminator: four halvings need sides that are multiples of 16, not {shape}; pad them in the "
+                "projection, or give a discriminator of your own"
+            )
         if common and spectral:
             raise UserError("discriminator: rows that start at zero have no spectral norm; choose common or spectral")
         self.slope, self.volumetric, self.spectral = slope, volumetric, spectral

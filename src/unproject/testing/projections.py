@@ -58,7 +58,9 @@ def projection_case(part: Projection | Observation, example: Tensor | None, seed
 
 def _shape(case: ProjectionCase) -> str:
     y = case.project()
-    need(isinstance(y, Tensor) and y.is_floating_point(), f"it returned {type(y).__name__}")
+    kind = f"{type(y).__name__} of {y.dtype}" if isinstance(y, Tensor) else type(y).__name__
+    how = "; give real and imaginary parts as channels" if isinstance(y, Tensor) and y.is_complex() else ""
+    need(isinstance(y, Tensor) and y.is_floating_point(), f"it returned {kind}, not floats{how}")
     need(y.dim() >= 2 and len(y) == len(case.x), f"{len(case.x)} went in and the result has shape {tuple(y.shape)}")
     return f"{tuple(case.x.shape)} to {tuple(y.shape)}"
 

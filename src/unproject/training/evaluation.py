@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ from ..data.measured_lines import standardised_lines
 from ..domains import Domain
 from ..metrics import Score, ViewAccuracy, view_accuracy, view_scores
 from ..networks import Generator
-from ..projections import LineIntegral
+from ..projections import Identity, LineIntegral
 from .fitting import by_name, of_different_kinds
 
 MIN_IMAGES = 6
@@ -44,6 +45,7 @@ def sample_scores(
     x = generator.sample(n, seed)
     reference = domain.comparable(references.floats(), x)
     if reference.shape[1:] == x.shape[1:]:
+        _warn_if_pictures_too(assignments, x)
         times = _scale_of_samples(assignments)
         scores = domain.scores(x, reference * times, seed, turns_of(domain, assignments)) | domain.checks(x, seed)
         how = f"references times {times:.4g}, as the readings' unit makes them"
@@ -87,6 +89,18 @@ def observed_scores(
             raise UserError(f"the references of {name} are of shape {shape}; give pictures of shape {wanted}")
         scores |= {f"{key}_{name}": score for key, score in _against(domain, of[name], given, x, seed).items()}
     return scores
+
+
+def _warn_if_pictures_too(assignments: Sequence[AssignmentState], x: Tensor) -> None:
+    """Warn if pictures of an operator have the shape of samples, and references may be either."""
+    panels = [state.panel for state in assignments if not isinstance(state.panel.projection, Identity)]
+    names = [panel.observations[0].name for panel in panels if panel.shape == x.shape[1:]]
+    if names:
+        warnings.warn(
+            f"pictures of {names[0]} have the shape of samples: the references are compared with samples; if they are "
+            f"pictures, name what of: --observation {names[0]}, or a mapping of that name in Python",
+            stacklevel=4,
+        )
 
 
 def _scale_of_samples(assignments: Sequence[AssignmentState]) -> float:
@@ -152,7 +166,8 @@ def estimated_view_scores(
 ) -> dict[str, Score]:
     """Score estimated views against known ones, of the first panel that has both; nothing if none has.
 
-    Of an odd number of bins of a full turn there is no score: reflections do not map them to one another.
+    Of an odd number of bins of a full turn there is no score, as reflections do not map them to one another, and of
+    latents of your own that turn no sample (`Domain.turned_by`).
 
     Args:
         ceiling: also train a view predictor on the known views, which takes a minute or two.
@@ -169,7 +184,7 @@ def estimated_view_scores(
 def estimated_and_true(domain: Domain, state: AssignmentState) -> tuple[Tensor, Tensor, Tensor] | None:
     """Return rows whose views were estimated, and estimated and known views of all (N,); None where these lack."""
     estimated, true, observations = state.estimates(), true_views(state.panel), state.panel.observations
-    if estimated is None or true is None:
+    if estimated is None or true is None or not domain.turns_by(observations):
         return None
     if domain.bins(observations) % 2 and not domain.half_turn(observations):
         return None  # a reflection maps these bins to no bins

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from .._random import generator_at
 from .._types import UserError
-from ..assignment import AssignmentState
+from ..assignment import AssignmentState, Panel
 from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
 from ..data.measured_lines import standardised_lines
 from ..data.readers.lights import SUFFIXES as MATERIALS
@@ -39,7 +39,7 @@ from ..projections import (
 )
 from ..projections.base import Identity
 from .evaluation import accuracy_of, estimated_and_true, turns_of
-from .fitting import of_different_kinds
+from .fitting import by_name
 
 if TYPE_CHECKING:
     from .run import Run
@@ -106,7 +106,8 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     if not projection.silhouettes:
         if listed:
             raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
-        return mapped(read_images(paths[0], shape), projection.from_measured)
+        latents = (*projection.latents, *projection.optional_latents)
+        return mapped(read_images(paths[0], shape, latents), projection.from_measured)
     framed = isinstance(projection, Cropped | FramedSilhouette)  # these are framed anew, from more pixels
     size = 2 * shape[-1] if framed else shape[-1]
     if listed:
@@ -125,25 +126,56 @@ def _shape_of_pictures(viewing: Viewing, sample: Tensor) -> torch.Size:
         return viewing.project(sample, latents).shape[1:]
 
 
-def read_images(path: Path, shape: Sequence[int]) -> Collection:
-    """Return pictures as they are, neither cut nor cropped, grey or in colour as training has them, of its size."""
-    return Collection.images(path, shape[-1], colour=shape[0] == IN_COLOUR)
+def read_images(path: Path, shape: Sequence[int], latents: Sequence[str] = ()) -> Collection:
+    """Return pictures as they are, neither cut nor cropped, grey or in colour as training has them, of its size.
+
+    Args:
+        latents: those of an operator of the user's own, that may stand beside them.
+    """
+    size = shape[-1] if shape[-1] == shape[-2] else None
+    return Collection.images(path, size, colour=shape[0] == IN_COLOUR, latents=latents, unbounded=True)
 
 
 IN_COLOUR = 3
 
 
-def references(run: Run, path: Path) -> Collection:
-    """Return held-out samples, or pictures of such, as `Run.evaluate` takes them."""
-    size, panels = run.sample(1).shape[-1], [state.panel for state in of_different_kinds(run.assignments())]
-    pictured = [panel for panel in panels if len(panel.shape) == 3 and not isinstance(panel.projection, Identity)]
-    if not run.domain.reads_silhouettes or not pictured:
-        return run.domain.read(path, size)
+def references(run: Run, path: Path, observation: str | None = None) -> Collection | dict[str, Tensor]:
+    """Return held-out samples, or pictures of such, as `Run.evaluate` takes them.
+
+    Args:
+        observation: what they are pictures of (default: their shape tells).
+
+    Raises:
+        UserError: if there is no such observation, or nothing that can be used.
+    """
+    sample, states = run.sample(1).shape[1:], by_name(run.assignments())
+    if observation is not None:
+        if observation not in states:
+            raise UserError(f"--observation {observation}: the run has {', '.join(states)}")
+        panel = states[observation].panel
+        if len(panel.shape) == 3 and not panel.projection.silhouettes:
+            return {observation: read_images(path, panel.shape).floats()}
+        return {observation: run.domain.read(path, panel.shape[-1]).floats()}
+    panels = [state.panel for state in states.values() if len(state.panel.shape) == 3]
+    pictured = [panel for panel in panels if not isinstance(panel.projection, Identity)]
+    if not pictured:
+        return run.domain.read(path, sample[-1])
     panel = pictured[0]
-    found = run.domain.read(path, size) if panel.projection.silhouettes else read(path, size, pictures="images")
+    if not run.domain.reads_silhouettes:
+        return _as_stored(path, panel, sample) or run.domain.read(path, sample[-1])
+    size, silhouettes = sample[-1], panel.projection.silhouettes
+    found = run.domain.read(path, size) if silhouettes else read(path, size, pictures="images")
     if found.shape == (size, size, size) or found.shape == panel.shape:
         return found
-    return run.domain.read(path, panel.shape[-1]) if panel.projection.silhouettes else read_images(path, panel.shape)
+    return run.domain.read(path, panel.shape[-1]) if silhouettes else read_images(path, panel.shape)
+
+
+def _as_stored(path: Path, panel: Panel, sample: Sequence[int]) -> Collection | None:
+    """Return what an array file holds if that has the shape of a panel's pictures and not that of a sample."""
+    if not path.is_file():
+        return None
+    found = Collection.images(path, colour=panel.shape[0] == IN_COLOUR, unbounded=True)
+    return found if found.shape == panel.shape != tuple(sample) else None
 
 
 def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:
@@ -186,7 +218,7 @@ class Frame:
         """Return that of a run's samples, by the known views of a panel's pictures if there are any."""
         if turns_of(domain, states) is None:
             return cls()
-        found, (turned, *_) = estimated_and_true(domain, state), state.panel.observations[0].prior.names
+        found, turned = estimated_and_true(domain, state), domain.turned_by
         if found is None or turned != "azimuth":
             return cls(turned)
         rows, estimated, true = found
@@ -250,8 +282,8 @@ def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
     given = dict(zip(latents, numbers, strict=False))
     beyond = any(abs(value) > MAX_ANGLE for name, value in given.items() if name in ANGLES)
     if not 1 <= len(numbers) <= len(latents) or beyond or not all(map(math.isfinite, numbers)):
-        names = ", ".join(latents)
-        what = f"degrees of {names}" if {*latents} <= {*ANGLES} else f"{names}, angles in degrees"
+        names = ", ".join(name if name in ANGLES else f"{name} (as it is)" for name in latents)
+        what = f"degrees of {names}" if {*latents} <= {*ANGLES} else f"{names}; {', '.join(ANGLES)} in degrees"
         raise UserError(f"--view {view}: give {what}, with commas between")
     if latents[0] == "view" and not abs(numbers[0]) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")

@@ -19,6 +19,8 @@ from .recipe import Recipe
 from .state import PanelState, State
 
 SAMPLES = 2
+LOOKED_AT = 16
+"""Observations of a panel, of which there may be thousands, whose priors are tried."""
 """Samples that are passed through."""
 
 
@@ -36,8 +38,24 @@ def check_parts(recipe: Recipe, state: State) -> None:
             name = f"the regulariser {_name(recipe.regulariser)}"
             with _called(name, "regulariser(x, progress) and returns a number"):
                 _check_number(name, recipe.regulariser(x, 0.0))
+        with _called(f"the domain {_name(state.domain)}", "domain.preview(x (N, ...)) and returns a picture"):
+            state.domain.preview(x.cpu())
         for panel in state.panels:
+            _check_drawn(panel)
             _check_judged(recipe, panel, _projected(panel, x))
+
+
+def _check_drawn(state: PanelState) -> None:
+    """Check that priors draw one number for each latent of an item."""
+    for observation in state.panel.observations[:LOOKED_AT]:
+        with _called(f"the prior of {observation.name}", "prior.sample(n, rng) and returns name -> (n,)"):
+            drawn = observation.prior.sample(SAMPLES, generator_at(0, 0, "parts"))
+        for name, value in drawn.items():
+            if tuple(value.shape) != (SAMPLES,):
+                raise UserError(
+                    f"the prior of {observation.name} draws {name!r} of shape {tuple(value.shape)} for {SAMPLES} "
+                    "items; a latent is one number an item: draw the row of a table, and let the projection look it up"
+                )
 
 
 def _projected(state: PanelState, x: Tensor) -> Tensor:

@@ -56,8 +56,9 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
     key = _data_key(path, shapes_of(arrays))
     measured = key in (*LINES, *SINOGRAMS)
     stored = arrays[key]
-    values = checked_values(stored, f"{path}: {key}", of_pictures=not measured)
-    latents = latents_of(path, arrays, count_of_angles(key, values), values.shape, measured)
+    of_any_size = measured or (options.images and options.unbounded)
+    values = checked_values(stored, f"{path}: {key}", of_pictures=not of_any_size)
+    latents = latents_of(path, arrays, count_of_angles(key, values), values.shape, measured, options.latents)
     if measured:
         return lines_of(path, key, values, latents)
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
@@ -257,7 +258,8 @@ def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:
     if values.ndim == 4 and values.shape[3] in (1, 3, 4):
         return values.movedim(3, 1)
     raise UserError(
-        f"{path}: {key}: is of shape {tuple(values.shape)}; pictures are (N, H, W), (N, C, H, W) or (N, H, W, C)"
+        f"{path}: {key}: is of shape {tuple(values.shape)}; pictures are (N, H, W), (N, C, H, W) or (N, H, W, C), C of "
+        "1, 3 or 4; in Python up.Collection(tensor) takes any"
     )
 
 

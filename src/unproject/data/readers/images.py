@@ -60,8 +60,13 @@ def _enlarged(x: Tensor, times: int) -> Tensor:
     return F.interpolate(x, scale_factor=times, mode="bilinear", align_corners=False)
 
 
+def _range(x: Tensor) -> tuple[float, float]:
+    """From where to where averages may run: [0, 1], and as far as pictures that are not within it do."""
+    return min(x.min().item(), 0.0), max(x.max().item(), 1.0)
+
+
 def _averaged(x: Tensor, size: int) -> Tensor:
     """Area averages over the square around the whole picture, which has black beyond it."""
     side = max(x.shape[2:])
     down, across = (cells(length, (length - side) / 2, (length + side) / 2, size).to(x) for length in x.shape[2:])
-    return torch.einsum("ih,nchw,jw->ncij", down, x, across).clamp(0, 1)
+    return torch.einsum("ih,nchw,jw->ncij", down, x, across).clamp(*_range(x))

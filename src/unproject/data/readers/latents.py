@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from ..._types import UserError
@@ -34,21 +35,28 @@ def known_latents(arrays: Iterable[str], measured: bool) -> dict[str, str]:
 
 
 def latents_of(
-    path: Path, arrays: Mapping[str, np.ndarray], count: int, shape: Sequence[int], measured: bool
+    path: Path,
+    arrays: Mapping[str, np.ndarray],
+    count: int,
+    shape: Sequence[int],
+    measured: bool,
+    own: Sequence[str] = (),
 ) -> dict[str, Tensor] | None:
-    """Return the known views, radians, None if there are none.
+    """Return the known views, radians, and latents of one's own as they are; None if there are none.
 
     Args:
         path, arrays: where they are.
         count: how many there have to be.
         shape: of what they stand beside.
         measured: whether those are lines; `angle` and its spellings are theirs.
+        own: names of arrays that are latents of an operator of one's own, where they are there.
 
     Raises:
         UserError: if they are not as many, or no numbers.
     """
-    found = {}
-    for spelling, name in known_latents(arrays, measured).items():
+    found: dict[str, np.ndarray] = {}
+    views = known_latents(arrays, measured)
+    for spelling, name in (views | {name: name for name in own if name in arrays and name not in views}).items():
         if name in found:
             raise UserError(f"{path}: has `{spelling}` beside another array of the same; leave one of them")
         found[name] = value = arrays[spelling]
@@ -56,7 +64,9 @@ def latents_of(
             exchanged = value.ndim == 1 and len(value) in shape and len(value) != count
             hint = f"; {tuple(shape)} may have its axes in another order" if exchanged else ""
             raise UserError(
-                f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number of radians (or "
-                f"degrees) for each of {count}{hint}"
+                f"{path}: {spelling}: is {value.dtype} {value.shape}; give one finite number"
+                f"{' of radians (or degrees)' if name in LATENTS else ''} for each of {count}{hint}"
             )
-    return in_radians(path, found) or None
+    turns = in_radians(path, {name: value for name, value in found.items() if name in LATENTS})
+    others = {name: torch.as_tensor(value).float() for name, value in found.items() if name not in LATENTS}
+    return turns | others or None

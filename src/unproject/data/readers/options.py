@@ -17,6 +17,8 @@ class ReadOptions:
         colour: keep the three channels of images.
         framing: of silhouettes; None: `Framing()` for folders, `AS_GIVEN` for arrays.
         strict: fail on the first picture that cannot be used instead of skipping it.
+        latents: of an operator of one's own: names of arrays beside the images that are its latents, as they are.
+        unbounded: images may have floats of any size, as operators of one's own may give them.
     """
 
     size: int | None = None
@@ -25,3 +27,5 @@ class ReadOptions:
     colour: bool = False
     framing: Framing | None = None
     strict: bool = False
+    latents: tuple[str, ...] = ()
+    unbounded: bool = False

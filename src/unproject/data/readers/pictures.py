@@ -140,9 +140,20 @@ def check_sizes(path: Path, sizes: Mapping[tuple[int, ...], str]) -> None:
         raise UserError(f"{path}: pictures are of different sizes ({listed}); give a size to bring them to")
 
 
+TWELVE_BITS = 4095.5 / 65535
+"""The largest value of pictures that hold 12 bits in 16."""
+
+
 def found_of(path: Path, skipped: Sequence[tuple[str, str]], names: Sequence[str], items: np.ndarray) -> Found:
     """What was found in a folder, with its known views."""
     latents = views_beside(path, names, [name for name, _ in skipped])
+    if items.dtype != np.uint8 and 0 < items.max() <= TWELVE_BITS:
+        warnings.warn(
+            f"{path}: no pixel of pictures of 16 bits is over {65535 * items.max():.0f} of 65535, as if they held 12 "
+            "bits or less: they are learned as dark as they are; multiply their values, or save them as floats in "
+            "[0, 1]",
+            stacklevel=2,
+        )
     white = 255 if items.dtype == np.uint8 else 1
     return Found(torch.from_numpy(items), names, latents, tuple(skipped), str(path), white)
 
