@@ -1323,6 +1323,20 @@ NETWORKS = (
         "networks/test_materials.py::test_a_sample_of_another_size_is_the_same_material_with_texels_as_large",
     ),
     mutant(
+        "materials: noise repeats itself",
+        "networks/texture_noise.py",
+        "unit(scramble(pixel + key[:, None]), torch.float32)",
+        "torch.frac(torch.sin((torch.arange(len(pixel)).double() + 1) * 12.9898 + key[:, None]).abs() * 43758.5453)",
+        "networks/test_materials.py::test_noise_does_not_repeat",
+    ),
+    mutant(
+        "materials: levels share their noise",
+        "networks/texture_noise.py",
+        " + size * GOLDEN)",
+        ")",
+        "networks/test_materials.py::test_noise_is_not_its_own_mirror_image_and_differs_between_levels",
+    ),
+    mutant(
         "materials: fibres of large maps are longer",
         "networks/texture_noise.py",
         "n = max(1, round(share * x.shape[axis] / times))",

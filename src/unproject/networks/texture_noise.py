@@ -5,6 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..ops.low_discrepancy import GOLDEN, scramble, unit
+
 GRAIN = (*[(1, 0.0)] * 4, (1, 1.0), (2, 1.0), (1, 0.25), (2, 0.25))
 """Axis along which each of eight sources of noise is stretched (1: down, 2: across), and the share of the side."""
 
@@ -12,12 +14,13 @@ GRAIN = (*[(1, 0.0)] * 4, (1, 1.0), (2, 1.0), (1, 0.25), (2, 0.25))
 def white_noise(code: Tensor, size: int, sources: int = 1) -> Tensor:
     """Return white noise (B, sources, size, size) of mean 0 and deviation 1, as a function of the code.
 
-    frac(sin) of the pixel's index and the code, as in shaders. Larger noise of the same code begins with the numbers of
-    smaller noise.
+    A hash of the bits of the code's first two numbers, of the size, and of the index of the source's pixel. Indices are
+    hashed before they meet the code, so that no two codes have the same noise in another order.
     """
-    seed = code.detach().double()[:, :2].sum(1) * 1e3
-    pixel = torch.arange(sources * size * size, dtype=torch.float64, device=code.device)
-    raw = torch.frac(torch.sin((pixel + 1) * 12.9898 + seed[:, None] * 78.233).abs() * 43758.5453)
+    bits = code.detach()[:, :2].float().view(torch.int32).long()
+    key = scramble(scramble(scramble(bits[:, 0]) + bits[:, 1]) + size * GOLDEN)
+    pixel = scramble(torch.arange(sources * size * size, device=code.device))
+    raw = unit(scramble(pixel + key[:, None]), torch.float32) + 2.0**-25
     return ((raw - 0.5) * 12**0.5).to(code.dtype).view(-1, sources, size, size)
 
 

@@ -6,6 +6,7 @@ import math
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -174,8 +175,10 @@ def _as_stored(path: Path, panel: Panel, sample: Sequence[int]) -> Collection | 
     """Return what an array file holds if that has the shape of a panel's pictures and not that of a sample."""
     if not path.is_file():
         return None
-    found = Collection.images(path, colour=panel.shape[0] == IN_COLOUR, unbounded=True)
-    return found if found.shape == panel.shape != tuple(sample) else None
+    with suppress(UserError):  # maps, lines
+        found = Collection.images(path, colour=panel.shape[0] == IN_COLOUR, unbounded=True)
+        return found if found.shape == panel.shape != tuple(sample) else None
+    return None
 
 
 def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:
