@@ -127,6 +127,15 @@ def test_silhouettes_are_black_on_white(tmp_path):
         export.silhouette_sheet(torch.zeros(3, 2, 8, 8))
 
 
+@pytest.mark.parametrize("of", [torch.Tensor.numpy, torch.Tensor.requires_grad_])
+def test_images_are_written_as_they_are(tmp_path, of):
+    images = torch.zeros(1, 1, 8, 8)
+    images[..., 2:6, 2:6] = 1.5  # as of a fit
+    (path,) = export.write(of(images), "png", tmp_path / "images.png").paths
+    with Image.open(path) as written:
+        assert [written.convert("L").getpixel(place) for place in ((0, 0), (16, 16))] == [0, 255]
+
+
 def test_a_turntable_has_its_frames_and_loops(tmp_path):
     written = export.turntable(np.stack([arrow()] * 2), tmp_path / "turn.gif", frames=7, size=32)
     assert os.listdir(tmp_path) == ["turn.gif"] and written.paths == (tmp_path / "turn.gif",)

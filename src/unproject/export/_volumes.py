@@ -29,8 +29,7 @@ def as_batch(volumes: ArrayLike) -> np.ndarray:
         UserError: no shapes, a wrong number of axes, images instead of volumes, or values that are not finite;
             the message names the first such shape.
     """
-    detached: Any = volumes.detach().cpu() if hasattr(volumes, "detach") else volumes  # pyright: ignore
-    batch = np.asarray(detached, dtype=np.float32)
+    batch = as_array(volumes)
     batch = batch[None] if batch.ndim == 3 else batch
     if batch.ndim != 4 or batch.size == 0:
         raise UserError(f"cannot export an array of shape {batch.shape}: volumes are (N, X, Y, Z) with N at least 1")
@@ -40,6 +39,12 @@ def as_batch(volumes: ArrayLike) -> np.ndarray:
     if not finite.all():
         raise UserError(f"shape {int(finite.argmin())} holds NaN or infinity: sample an earlier checkpoint of the run")
     return batch
+
+
+def as_array(values: ArrayLike) -> np.ndarray:
+    """float32 from a tensor, on any device, or an array."""
+    detached: Any = values.detach().cpu() if hasattr(values, "detach") else values  # pyright: ignore
+    return np.asarray(detached, dtype=np.float32)
 
 
 def names_of(numbers: Sequence[int]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 from unproject._types import UserError
-from unproject.export._volumes import Written, as_batch, names_for, save, within
+from unproject.export._volumes import Written, as_array, as_batch, names_for, save, within
 from unproject.export.rendering import ELEVATION, fitted_extent, render, solid
 from unproject.ops.exposure import develop
 from unproject.ops.maps import unpack_maps
@@ -81,8 +81,7 @@ def silhouette_sheet(
     Raises:
         UserError: another number of axes, or no images.
     """
-    detached: Any = images.detach().cpu() if hasattr(images, "detach") else images  # pyright: ignore
-    masks = np.asarray(detached, dtype=np.float32)
+    masks = as_array(images)
     if masks.ndim == 4 and masks.shape[1] == 1:
         masks = masks[:, 0]
     if masks.ndim != 3 or not masks.size:
@@ -275,12 +274,12 @@ def _format(path: Path) -> str:
 def sheet_file(volumes: ArrayLike, path: str | PathLike[str], **options: Any) -> Written:
     """`contact_sheet` as a format of `write`: at the path if it ends in .png, else contact_sheet.png in that folder.
 
-    Images (N, 1, H, W) are shown as they are, in a grid (`silhouette_sheet`).
+    Images (N, 1, H, W) in [0, 1] are shown as they are, 1 white, in a grid.
     """
     final = within(Path(path), ".png", "contact_sheet.png")
     shape = np.shape(volumes)
     if len(shape) == 4 and shape[1] == 1:
-        silhouette_sheet(volumes, final, scale=4, **options)
+        silhouette_sheet(1 - as_array(volumes).clip(0, 1), final, scale=4, **options)  # silhouettes are dark on light
     else:
         contact_sheet(volumes, final, **options)
     return Written((final,))
