@@ -115,8 +115,8 @@ def materials(
         gamma: weight of R1 and R2, in units of images brought to one deviation.
         photograph_weight: weight of photographs in the loss of the generator, where a map has 1; photographs determine
             how maps are correlated.
-        natural_light_weight: the same for photographs of `data` under natural light, which is unknown: effects of light
-            should not be painted into the maps.
+        natural_light_weight: the same for photographs of `data` in `top`, `grazing` and `daylight`, with `probes` too:
+            effects of unknown light should not be painted into the maps.
         penalty_scale: factor of gamma for photographs, of which a few hundred would otherwise be memorised.
         matching: weight of the statistics of the second order that images are to share with real ones (`Matching`),
             where the discriminators' loss has 1, at the start; it falls to a quarter. 0: none.
