@@ -35,9 +35,11 @@ class LearnedPrior(Assignment):
     Args:
         rate: Adam's learning rate of the logits l, β = (0.5, 0.99).
         temperature: τ. Low temperatures follow the draws closely and have noisy gradients.
-        images: samples an update whose gradient reaches l; each is projected in every view for it.
+        images: samples an update whose gradient reaches l; each is projected in every view for it. The loss is a mean
+            over the batch, so that their part in it is images / batch.
         entropy_weight: factor of log K minus the entropy of p in the generator's loss: it keeps views probable that are
-            seldom drawn while the generator is poor.
+            seldom drawn while the generator is poor. Against the part of `images` it weighs batch / images times as
+            much.
 
     Examples:
         >>> import unproject as up

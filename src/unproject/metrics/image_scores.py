@@ -9,6 +9,7 @@ from .._types import UserError
 from .digit_classifier import CLASSES, FEATURES, digit_features
 from .feature_sets import density_coverage, frechet_distance, kernel_distance, precision_recall
 from .gauge import Gauge, apply_to_images, dihedral
+from .picture_sets import root_mean_square
 from .score import Score
 from .shape_scores import drawn, set_scores
 
@@ -100,18 +101,8 @@ def pixel_scores(generated: Tensor, reference: Tensor, *, seed: int = 0) -> dict
         raise UserError("pixel scores: the images have NaN or infinite values; fix or leave out those images")
     x, y = (images[drawn(len(images), MOST, seed)].flatten(1).float() for images in (generated, reference))
     setting = "root mean square difference of pixels), {} generated vs {} reference"
-    found = set_scores("rms", root_mean_square_difference, x, y, setting, seed)
+    found = set_scores("rms", root_mean_square, x, y, setting, seed)
     return {name: score for name, score in found.items() if not name.endswith("_equal")}
-
-
-def root_mean_square_difference(x: Tensor, y: Tensor) -> Tensor:
-    """Return the distances (G, R) of the rows of x (G, P) and y (R, P).
-
-    Examples:
-        >>> root_mean_square_difference(torch.zeros(1, 4), torch.tensor([[1.0, 1.0, 1.0, 1.0], [2.0, 0.0, 0.0, 0.0]]))
-        tensor([[1., 1.]])
-    """
-    return torch.cdist(x, y) / x.shape[1] ** 0.5
 
 
 def best_image_gauge(generated: Tensor, reference: Tensor, bins: int) -> Gauge:

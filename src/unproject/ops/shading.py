@@ -49,7 +49,7 @@ class Sampling:
     """Settings of the estimator.
 
     Attributes:
-        samples: number of samples a pixel; directional light needs none.
+        samples: number of samples a pixel; directional light needs none, and has exact gradients whatever `gradient`.
         light: the share of samples drawn from an environment's light; 0 is the paper's scheme.
         points: "low-discrepancy", or "independent".
         gradient: "exact": the gradient of the estimate, whose samples move with the maps; less noise below a roughness
