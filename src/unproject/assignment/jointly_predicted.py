@@ -6,8 +6,8 @@ With q(k | y) the predictor, both minimise
 
     E[-log q(k | P_k(G(z), θ))]        the predictor with weight 1, the generator with weight w(progress)
 
-and log K minus this cross entropy is a lower bound of the mutual information I(k; y) of views and pictures. A generator
-could make its projections more informative than pictures are, as one plate does that differs from side to side where
+and H(k) minus this cross entropy, H(k) the entropy of the views in use, is a lower bound of the mutual information
+I(k; y) of views and pictures. A generator could make its projections more informative than pictures are, as one plate does that differs from side to side where
 there are many boxes. So w falls while the bound exceeds the information of pictures, H(mean q) - mean H(q), by more
 than a margin; and late in training w is negative beyond that, which penalises information that pictures do not have. A
 q that is new to a world is overconfident of pictures, so that of theirs a moving average over rounds counts, and tries
@@ -29,11 +29,12 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from .._types import UserError
+from ..data.sampling import spread_rows
 from .context import Context, Processes
 from .panel import Panel
 from .predicted import Predicted, PredictedState
 from .starting import views_at_start
-from .view_findings import information
+from .view_findings import entropy, information
 
 COMPLETE = 0.55
 """Share of log K from which on information counts as complete: objects that are their own mirror images hold 0.75."""
@@ -41,6 +42,8 @@ LEAST_BALANCE = 0.25
 """Share of the balance at complete information. Without any, shares of views that look alike drift apart."""
 MEMORY, AVERAGED = 0.02, 0.05
 """Shares of the newest step in the moving averages of the cross entropy and of the predictor."""
+COUNTED = 2**16
+"""Images at most whose views are counted."""
 NEWEST = 0.5
 """Share of the newest round in the moving average of the information of pictures."""
 
@@ -97,7 +100,7 @@ class JointlyPredictedState(PredictedState):
         trained: the predictor that is trained at every step, on projections as discriminators see them: moved where
             there is an augmentation, as `of_fakes` is. `predictor`, which assigns images, is the moving average
             of its weights: what single steps make of real pictures differs by a third.
-        of_fakes: moving average of log K minus the cross entropy of projections, nats.
+        of_fakes: moving average of H(k) minus the cross entropy of projections, nats.
         of_data: information of the real images, nats, moving average over rounds.
     """
 
@@ -126,8 +129,14 @@ class JointlyPredictedState(PredictedState):
         w, views = self.generator_weight(progress), self._views_of_samples(rows).to(fake.device)
         images, views = self.settings.fit.half_mirrored(fake.detach() + w * (fake - fake.detach()), views)
         loss = F.cross_entropy(self.trained(self.settings.fit.prepared(images)), views)
-        self.of_fakes.lerp_(math.log(len(self.panel.observations)) - loss.detach().cpu(), MEMORY)
+        self.of_fakes.lerp_(self._view_entropy() - loss.detach().cpu(), MEMORY)
         return loss
+
+    def _view_entropy(self) -> float:
+        """Return H(k), nats, of the views in which samples are projected, and of those that mirror images stand for."""
+        views, mirrored = self._views_of_samples(spread_rows(len(self.panel), COUNTED)), self.settings.fit.mirrored
+        shares = torch.bincount(views, minlength=len(self.panel.observations)) / len(views)
+        return entropy(shares if mirrored is None else (shares + shares[list(mirrored)]) / 2).item()
 
     def update(self, processes: Processes) -> None:
         processes.average_gradients(self.trained)
@@ -152,7 +161,7 @@ class JointlyPredictedState(PredictedState):
         self.fitting.fill_(due)
 
     def _fit(self, run: Context, seed: int) -> float:
-        return math.log(len(self.panel.observations)) - float(self.of_fakes)
+        return self._view_entropy() - float(self.of_fakes)
 
     def _responsibilities(self, p: Tensor) -> Tensor:
         """Return responsibilities balanced the less, the more of the views the pictures tell."""
