@@ -6,12 +6,12 @@ With q(k | y) the predictor, both minimise
 
     E[-log q(k | P_k(G(z), θ))]        the predictor with weight 1, the generator with weight w(progress)
 
-and H(k) minus this cross entropy, H(k) the entropy of the views in use, is a lower bound of the mutual information
-I(k; y) of views and pictures. A generator could make its projections more informative than pictures are, as one plate does that differs from side to side where
-there are many boxes. So w falls while the bound exceeds the information of pictures, H(mean q) - mean H(q), by more
-than a margin; and late in training w is negative beyond that, which penalises information that pictures do not have. A
-q that is new to a world is overconfident of pictures, so that of theirs a moving average over rounds counts, and tries
-are compared by what pictures hold less what projections hold beyond that.
+and H(k) minus this cross entropy, H(k) the entropy of the views in use, is a lower bound of the mutual information I(k;
+y) of views and pictures. A generator could make its projections more informative than pictures are, as one plate does
+that differs from side to side where there are many boxes. So w falls while the bound exceeds the information of
+pictures, H(mean q) - mean H(q), by more than a margin; and late in training w is negative beyond that, which penalises
+information that pictures do not have. A q that is new to a world is overconfident of pictures, so that of theirs a
+moving average over rounds counts, and tries are compared by what pictures hold less what projections hold beyond that.
 
 References:
     Chen et al. 2016, InfoGAN (the bound, and its joint training).
