@@ -5434,6 +5434,19 @@ FINDINGS = (
 )  # fmt: skip
 
 
+GOING_ON: tuple[Mutant, ...] = (
+    mutant("rounds: a larger budget waits for those that it has done", "assignment/predicted.py",
+        "        if due < done:\n", "        if False:\n",
+        "training/test_resume.py::test_a_larger_budget_has_rounds_of_its_own"),
+    mutant("rounds: those of a larger budget repeat draws", "assignment/predicted.py",
+        "return before * count + due", "return due",
+        "training/test_resume.py::test_a_larger_budget_has_rounds_of_its_own"),
+    mutant("rounds: a larger budget begins with a round", "assignment/predicted.py",
+        "self.round.fill_(before * count + due)", "self.round.fill_(before * count)",
+        "training/test_resume.py::test_a_larger_budget_has_rounds_of_its_own"),
+)  # fmt: skip
+
+
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
     *TURNED_SCORES,
@@ -5465,4 +5478,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *TRUST,
     *ON_A_GPU,
     *FINDINGS,
+    *GOING_ON,
 )

@@ -161,6 +161,34 @@ def test_a_larger_budget_goes_on(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("joint", [False, True])
+def test_a_larger_budget_has_rounds_of_its_own(tmp_path: Path, joint: bool) -> None:
+    """They come as often as if the budget had been the larger one from the start; a budget that stays changes none."""
+    recipe = toy(steps=20, starts=tuple(k / 10 for k in range(1, 10)), draw="posterior")
+    recipe = jointly(recipe) if joint else recipe
+    train(recipe, tmp_path / "run", quiet=True)
+    resume(tmp_path / "run", recipe, steps=40, quiet=True)
+    whole = train(recipe.replace(steps=40), tmp_path / "whole", quiet=True).path
+    steps, at_once = ([line["step"] for line in rounds(run)] for run in (tmp_path / "run", whole))
+    assert at_once == [4, 8, 12, 16, 20, 24, 28, 32, 36]
+    assert steps == [2, 4, 6, 8, 10, 12, 14, 16, 18] + [24, 28, 32, 36]
+    numbers = [line["round"] for line in rounds(tmp_path / "run")]
+    assert numbers[:9] == list(range(1, 10)) and len(set(numbers)) == len(numbers), "a number is a seed"
+
+
+def test_rounds_go_on_if_the_budget_grew_beyond_the_first_of_them(tmp_path: Path) -> None:
+    """None is due yet in the larger one, but there is a predictor, which is not asked for initial views again."""
+    recipe = toy(steps=4, starts=(0.5,))
+    train(recipe, tmp_path, quiet=True)
+    resume(tmp_path, recipe, steps=16, quiet=True)
+    assert [line["step"] for line in rounds(tmp_path)] == [2, 8]
+    assert [type(state.view_probabilities()) for state in load(tmp_path, trust=True).assignments()] == [Tensor]
+
+
+def rounds(run: Path) -> list[dict[str, Any]]:
+    return [line for line in stats(run) if line.get("event") == "assigned"]
+
+
 def test_a_budget_in_minutes_ends_with_a_checkpoint(tmp_path: Path) -> None:
     run = train(toy(minutes=0.02), tmp_path, quiet=True)
     assert run.step > 0 and load(tmp_path).step == run.step

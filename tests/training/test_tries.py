@@ -133,6 +133,12 @@ def test_a_start_too_short_to_tell_goes_on(tmp_path: Path) -> None:
     assert [d for d in differences(one, none) if d not in ("counters/tried",)] == []
 
 
+def test_a_larger_budget_has_no_further_tries(tmp_path: Path) -> None:
+    train(RECIPE, tmp_path, quiet=True)
+    resume(tmp_path, RECIPE, steps=24, quiet=True)
+    assert [line["step"] for line in stats(tmp_path) if line.get("event") == "tried"] == [3, 5, 8]
+
+
 def test_the_merit_of_predicted_views_is_their_information(tmp_path: Path) -> None:
     run = train(RECIPE, tmp_path / "run", quiet=True)
     (state,) = run.assignments()

@@ -99,7 +99,8 @@ class PredictedState(PredictingState):
     """The predictor, the rounds done, and the round whose predictor is being fitted, if any.
 
     Attributes:
-        round: rounds done. `fitting`: the round in progress, or 0; `fitted`: steps of its fit that are done.
+        round: number of the last round done, 0 before the first; a larger budget begins with other numbers, see
+            `_number_due`. `fitting`: the round in progress, or 0; `fitted`: steps of its fit that are done.
         last: the training step of the last round.
     """
 
@@ -135,7 +136,7 @@ class PredictedState(PredictingState):
             self._assign(run, initialiser(self.panel.observations, items, seed), rows, seed, event="initialised")
         if self.fitting:
             return self._continue_round(run)
-        due, rounds = self.settings.rounds.due(run.progress), self.settings.rounds
+        due, rounds = self._number_due(run.progress), self.settings.rounds
         if due <= self.round or (self.round > 0 and run.step - self.last < rounds.least_steps):
             self._cover_what_is_left(run)
             return True
@@ -163,6 +164,19 @@ class PredictedState(PredictingState):
         if self.coverage is not None:
             self.coverage.expire()
         return True
+
+    def _number_due(self, progress: float) -> int:
+        """Return the number of the last round that should have started by then.
+
+        A run that goes on with a larger budget is less far than it was: it goes through the rounds of its budget again,
+        by numbers that none of them had, since seeds follow from numbers.
+        """
+        due, count = self.settings.rounds.due(progress), len(self.settings.rounds.starts) + 1
+        before, done = divmod(int(self.round), count)
+        if due < done:
+            before += 1
+            self.round.fill_(before * count + due)
+        return before * count + due
 
     def _begin_round(self, due: int, run: Context) -> None:
         if self.settings.fit.fresh:
