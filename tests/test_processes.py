@@ -152,6 +152,27 @@ def test_processes_save_and_leave_when_the_one_that_started_them_is_killed(tmp_p
     assert len(ranks) == 2 and not any(map(alive, ranks)) and load(run, trust=True).step > 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_processes_that_are_asked_to_stop_save_and_end_without_a_word_of_torch(
+    tmp_path: Path, forked: None, number: signal.Signals
+) -> None:
+    """Ctrl-C reaches the command alone, which hands it on; a manager sends SIGTERM to each process, which hears two."""
+    run = tmp_path / "run"
+    words = ["--steps", "100000000", "--quiet", "--out", str(run), "--processes", "2"]
+    command = [sys.executable, "-m", "unproject", "train", TOY, *words]
+    with subprocess.Popen(command, env=ENVIRONMENT, stdout=-1, stderr=-1, text=True, start_new_session=True) as process:
+        while not ((run / "stats.jsonl").exists() and (run / "stats.jsonl").stat().st_size):
+            assert process.poll() is None
+            time.sleep(0.05)
+        for one in [*(children(process.pid) if number == signal.SIGTERM else []), process.pid]:
+            os.kill(one, number)
+        said, wrong = process.communicate(timeout=100)
+    assert process.returncode == 0 and all(line.startswith("warning: ") for line in wrong.splitlines())
+    step = load(run, trust=True).step
+    assert step > 0 and (number == signal.SIGTERM or f"{step} steps (stopped; unproject resume" in said)
+
+
 def test_a_child_of_a_killed_reproduction_stops(tmp_path: Path, forked: None) -> None:
     """As by SIGTERM: it leaves a checkpoint, and can be resumed."""
     words = [

@@ -5444,6 +5444,15 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("rounds: a larger budget begins with a round", "assignment/predicted.py",
         "self.round.fill_(before * count + due)", "self.round.fill_(before * count)",
         "training/test_resume.py::test_a_larger_budget_has_rounds_of_its_own"),
+    mutant("signals: a second SIGTERM throws away what is to be saved", "training/signals.py",
+        "if number == signal.SIGINT and number in asked:", "if asked:",
+        "training/test_resume.py::test_what_asks_again_does_not_interrupt"),
+    mutant("signals: a second Ctrl-C is not heard", "training/signals.py",
+        "if number == signal.SIGINT and number in asked:", "if False:",
+        "training/test_resume.py::test_the_second_ctrl_c_interrupts_at_once"),
+    mutant("processes: Ctrl-C ends in a traceback of torch", "cli/_processes.py",
+        "    except SignalException:", "    except ZeroDivisionError:",
+        "test_processes.py::test_processes_that_are_asked_to_stop_save_and_end_without_a_word_of_torch"),
 )  # fmt: skip
 
 

@@ -225,6 +225,32 @@ def test_a_closed_terminal_does_not_end_what_nohup_began(tmp_path: Path) -> None
         assert train(RECIPE, tmp_path, quiet=True).step == 8
 
 
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        (signal.SIGTERM, signal.SIGTERM, signal.SIGTERM),
+        (signal.SIGHUP, signal.SIGTERM),
+        (signal.SIGTERM, signal.SIGINT),
+        (signal.SIGINT, signal.SIGTERM),
+    ],
+    ids=str,
+)
+def test_what_asks_again_does_not_interrupt(whole: Path, tmp_path: Path, numbers: tuple[signal.Signals, ...]) -> None:
+    """As a manager does that signals all processes of a job, the agent of which hands it on."""
+
+    def ask() -> None:
+        for number in numbers:
+            signal.raise_signal(number)
+
+    with heard_by(signal.SIGHUP, signal.SIG_DFL), pytest.MonkeyPatch.context() as patch:
+        at_call(patch, Trainer, "_update_generator", 7, ask)
+        with suppress(KeyboardInterrupt):  # which would end the tests
+            train(RECIPE, tmp_path, quiet=True)
+    assert load(tmp_path).step == 7
+    resume(tmp_path, RECIPE, quiet=True)
+    assert differences(whole, tmp_path) == []
+
+
 def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         at_call(patch, Trainer, "_update_generator", 7, lambda: (interrupt(), interrupt()))

@@ -48,8 +48,11 @@ def _count(argv: Sequence[str]) -> tuple[int | None, list[str]]:
 
 
 def launch(words: Sequence[str], count: int) -> int:
-    """Run `unproject WORDS` in so many processes; return the exit status, of the process that failed first."""
-    from torch.distributed.elastic.multiprocessing import DefaultLogsSpecs
+    """Run `unproject WORDS` in so many processes; return the exit status, of the process that failed first.
+
+    By Ctrl-C or SIGTERM they save and leave, as one process does, whose status then is 0.
+    """
+    from torch.distributed.elastic.multiprocessing import DefaultLogsSpecs, SignalException
     from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
     from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
@@ -73,6 +76,8 @@ def launch(words: Sequence[str], count: int) -> int:
     except ChildFailedError as error:
         rank, failure = error.get_first_failure()
         return _failed(rank, count, failure.exitcode)
+    except SignalException:  # once the agent has handed the signal on, and waited for them
+        return 0
     finally:
         logging.disable(logging.NOTSET)
         os.environ.pop(PARENT)

@@ -1,4 +1,8 @@
-"""Signals: the first Ctrl-C, SIGTERM or SIGHUP asks a run to save and leave."""
+"""Signals: Ctrl-C, SIGTERM or SIGHUP asks a run to save and leave; only a second Ctrl-C does not wait for it.
+
+Whoever ends a job sends SIGTERM to each of its processes, and torchrun's agent hands on what it is sent, so that a
+process hears it several times while it saves.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +16,13 @@ ASKING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "S
 
 @contextmanager
 def stop_request() -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether a stop was asked for; a second signal raises KeyboardInterrupt."""
-    asked = False
+    """Yield a function that says whether a stop was asked for; a second Ctrl-C raises KeyboardInterrupt."""
+    asked: set[int] = set()
 
     def ask(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if asked:
+        if number == signal.SIGINT and number in asked:
             raise KeyboardInterrupt
-        asked = True
+        asked.add(number)
 
     try:
         heard = [number for number in ASKING if number is signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
@@ -27,7 +30,7 @@ def stop_request() -> Iterator[Callable[[], bool]]:
     except ValueError:  # not in the main thread, where signals cannot be caught
         previous = {}
     try:
-        yield lambda: asked
+        yield lambda: bool(asked)
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
