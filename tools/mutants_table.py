@@ -5453,6 +5453,12 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("processes: Ctrl-C ends in a traceback of torch", "cli/_processes.py",
         "    except SignalException:", "    except ZeroDivisionError:",
         "test_processes.py::test_processes_that_are_asked_to_stop_save_and_end_without_a_word_of_torch"),
+    mutant("health: views are drawn by what is not finite", "assignment/predicting.py",
+        "        if not finite:\n", "        if False:\n",
+        "training/test_health.py::test_weights_that_break_before_views_are_predicted_go_back_too"),
+    mutant("health: each process decides alone whether views are finite", "assignment/predicting.py",
+        "        run.synchronise([finite])\n", "",
+        "assignment/test_anywhere.py::test_all_processes_give_up_what_one_cannot_predict"),
 )  # fmt: skip
 
 

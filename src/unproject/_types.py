@@ -1,4 +1,4 @@
-"""The axis legend and the exception for mistakes of a user.
+"""The axis legend, and the exceptions for mistakes of a user and for trainings that break down.
 
 Axis legend (docs/conventions.md has the pictures):
 
@@ -47,3 +47,7 @@ class UserError(ValueError):
         ...
         unproject._types.UserError: Uniform('azimuth', 1, 0): give finite low <= high
     """
+
+
+class Diverged(UserError):
+    """Training cannot go on: a number is not finite, or everything generated looks the same."""

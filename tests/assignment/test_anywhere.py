@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 import torch
@@ -11,6 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from unproject._random import generator_at
+from unproject._types import Diverged
 from unproject.assignment import Estimator, JointlyPredicted, Panel, PredictedState, PredictorFit, Rounds
 from unproject.data import Collection
 from unproject.networks import ViewPredictor
@@ -55,6 +58,25 @@ def test_a_share_of_the_samples_is_seen_from_anywhere(monkeypatch: pytest.Monkey
     assert torch.equal(views[~last], state.views[~last].long()) and views[~last].max() == 1
     assert torch.equal(state.heads[~last], state.views[~last])
     assert torch.equal(state.views, plain.views)  # what is predicted of the images stays
+
+
+def test_all_processes_give_up_what_one_cannot_predict(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first one decides, since each would wait for the others."""
+    state, given = assigned(None), torch.full((IMAGES, BINS), 1 / BINS)
+    monkeypatch.setattr(state, "_probabilities", lambda: given)
+    for of_first in (True, False):
+
+        def synchronise(tensors: Iterable[Tensor], of_first: bool = of_first) -> None:
+            for tensor in tensors:
+                if not tensor.ndim and tensor.is_floating_point():
+                    tensor.fill_(of_first)
+
+        run = MagicMock(synchronise=synchronise, step=7)
+        if of_first:
+            assert state._predicted(run, None) is given
+        else:
+            with pytest.raises(Diverged, match="by step 7: predicted views are not finite"):
+                state._predicted(run, None)
 
 
 def test_others_are_chosen_in_another_round() -> None:

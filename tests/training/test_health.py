@@ -10,7 +10,7 @@ import pytest
 import torch
 from comparing import differences, final, stats
 from torch import Tensor
-from toy import toy
+from toy import jointly, toy
 
 from unproject.cli import main
 from unproject.domains import Domain
@@ -58,6 +58,21 @@ def test_the_first_time_it_goes_back_with_half_the_rate(
     assert rolled["step"] == 4 and 6 <= rolled["at"] <= 8 and "step" in rolled["reason"]
     said = " ".join(capsys.readouterr().err.split())
     assert "rolling back to step 4 with half the learning rate" in said
+
+
+@pytest.mark.parametrize("settings", [{"draw": "posterior"}, {"clusters": 2}, {"draw": "argmax"}], ids=str)
+@pytest.mark.parametrize("joint", [False, True])
+def test_weights_that_break_before_views_are_predicted_go_back_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], joint: bool
+) -> None:
+    """In step 5, before the round at half of the budget, which would draw views by what is not finite."""
+    monkeypatch.setattr(trainer, "EVERY", 100)
+    breaking(monkeypatch, 5)
+    recipe = toy(steps=12, checkpoint_every=4, starts=(0.25, 0.5), **settings)
+    run = train(jointly(recipe) if joint else recipe, tmp_path, quiet=True)
+    (rolled,) = [line for line in stats(tmp_path) if line.get("event") == "rollback"]
+    assert (run.step, rolled["at"], rolled["step"]) == (12, 6, 4)
+    assert rolled["reason"] == "training broke down by step 6: predicted views are not finite; lower the learning rate"
 
 
 def test_the_second_time_it_stops_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

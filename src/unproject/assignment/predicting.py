@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from .._random import generator_at, rows_of_all
+from .._types import Diverged
 from ..data import Collection
 from ..data.sampling import spread_rows
 from ..metrics import Finding, Score
@@ -63,13 +64,25 @@ class PredictingState(AssignmentState):
         return (self.views if self.settings.estimator.anywhere is None else self.sampled)[rows].long()
 
     def _predicted(self, run: Context, rows: Tensor | None) -> Tensor:
-        """Return the probabilities of these rows, then of those held out: of many, each process predicts a part."""
+        """Return the probabilities of these rows, then of those held out: of many, each process predicts a part.
+
+        Raises:
+            Diverged: in all processes, if one is not finite, as after a generator that is not has made the projections.
+        """
         run.synchronise(self.predictor.state_dict().values())  # each process has moving statistics of its own
         if rows is None:
-            return self._probabilities()
-        fit, predictor = self.settings.fit, self.predictor
-        p = run.shared(rows, lambda some: fit.probabilities(predictor, _batches(self.panel.collections[0], some)))
-        return torch.cat([p, *(fit.probabilities(predictor, _batches(part)) for part in self._held_out())])
+            p = self._probabilities()
+        else:
+            fit, predictor = self.settings.fit, self.predictor
+            p = run.shared(rows, lambda some: fit.probabilities(predictor, _batches(self.panel.collections[0], some)))
+            p = torch.cat([p, *(fit.probabilities(predictor, _batches(part)) for part in self._held_out())])
+        finite = p.isfinite().all().float()
+        run.synchronise([finite])
+        if not finite:
+            raise Diverged(
+                f"training broke down by step {run.step}: predicted views are not finite; lower the learning rate"
+            )
+        return p
 
     def _take(self, views: Tensor, heads: Tensor, rows: Tensor | None, seed: int) -> None:
         """Take over views and heads of these rows, or of all the panel's images, and of those held out."""

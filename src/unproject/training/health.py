@@ -7,17 +7,13 @@ from collections.abc import Callable, Mapping
 
 from torch import Tensor
 
-from .._types import UserError
+from .._types import Diverged
 
 EVERY = 20
 """Steps between checks: reading a number back stalls a GPU."""
 WARM_UP = 300
 COLLAPSED = 0.02
 PATIENCE = 5
-
-
-class Diverged(UserError):
-    """Training cannot go on: a loss is not finite, or everything generated looks the same."""
 
 
 def diversity(real: Tensor, fake: Tensor) -> float:
