@@ -5459,6 +5459,16 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("health: each process decides alone whether views are finite", "assignment/predicting.py",
         "        run.synchronise([finite])\n", "",
         "assignment/test_anywhere.py::test_all_processes_give_up_what_one_cannot_predict"),
+    mutant("tries: one whose merit is no number is kept", "training/choosing.py",
+        "if sound and (not state.kept or merit > counters.best_merit):",
+        "if counters.tried == 0 or merit > counters.best_merit:",
+        "training/test_tries.py::test_a_try_whose_merit_is_not_finite_is_not_kept"),
+    mutant("tries: one whose weights broke is kept", "training/choosing.py",
+        "if not merit.isfinite() or not_finite(state.tensors()):", "if not merit.isfinite():",
+        "training/test_tries.py::test_a_try_whose_weights_broke_is_not_kept"),
+    mutant("tries: after some that all broke nothing is said", "training/choosing.py",
+        "if counters.tried + 1 == tries.count and not state.kept:", "if False:",
+        "training/test_tries.py::test_tries_that_all_break_end_the_run"),
 )  # fmt: skip
 
 

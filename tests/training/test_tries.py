@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import pytest
 import torch
-from comparing import differences, stats
+from comparing import differences, final, stats
 from torch import Tensor
 from toy import only_panel, toy, with_panel, with_predicted
 
@@ -20,7 +21,7 @@ from unproject.assignment import PredictedState
 from unproject.domains import Domain
 from unproject.projections.observation import Observation
 from unproject.training import Tries, resume, train, trainer
-from unproject.training.health import check
+from unproject.training.health import Diverged, check
 from unproject.training.recorder import Recorder
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
@@ -72,6 +73,48 @@ def test_the_best_goes_on_as_it_was(
     tried = [line for line in stats(run.path) if line.get("event") == "tried"]
     assert [line["merit"] for line in tried] == list(values) and [line["number"] for line in tried] == [0, 1, 2]
     assert [line["step"] for line in tried] == [3, 5, 8]
+
+
+@pytest.mark.parametrize(
+    "values, best", [((math.nan, 0.5, 0.8), 2), ((0.1, math.inf, -0.2), 0), ((-0.3, -0.2, math.nan), 1)]
+)
+def test_a_try_whose_merit_is_not_finite_is_not_kept(
+    values: tuple[float, ...], best: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    merits(monkeypatch, *values)
+    run = train(RECIPE, tmp_path, quiet=True)
+    tried = [line for line in stats(run.path) if line.get("event") == "tried"]
+    assert [line["merit"] for line in tried] == [value if math.isfinite(value) else None for value in values]
+    assert not any(line.get("event") == "rollback" for line in stats(run.path))
+    found = final(run.path)
+    assert found["counters/best_start"] == best and found["counters/best_merit"].item() == pytest.approx(values[best])
+
+
+@pytest.mark.parametrize("of_views", [True, False])
+def test_a_try_whose_weights_broke_is_not_kept(of_views: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Be it that its views are as well known as ever: those of the first, which turns NaN in its last step."""
+    monkeypatch.setattr(trainer, "EVERY", 100)
+    if not of_views:
+        merits(monkeypatch, 0.9, 0.5, 0.8)
+    update, calls = Trainer._update_generator, iter(range(1, 100))  # pyright: ignore[reportPrivateUsage]
+
+    def broken(self: Trainer, *arguments: Any) -> Tensor:
+        loss = update(self, *arguments)
+        if next(calls) == 3:
+            for module in (self.state.generator, *(panel.assignment for panel in self.state.panels)):
+                next(module.parameters()).data.fill_(math.nan)
+        return loss
+
+    monkeypatch.setattr(Trainer, "_update_generator", broken)
+    run = train(RECIPE.replace(checkpoint_every=4), tmp_path, quiet=True)
+    assert [line["event"] for line in stats(run.path) if line.get("event") in ("tried", "rollback")] == ["tried"] * 3
+    assert final(run.path)["counters/best_start"] > 0
+
+
+def test_tries_that_all_break_end_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    merits(monkeypatch, *[math.nan] * 3)
+    with pytest.raises(Diverged, match="broke down in all 3 tries; lower the learning rate"):
+        train(RECIPE.replace(checkpoint_every=100), tmp_path, quiet=True)
 
 
 def test_losses_begin_anew_and_count_the_budget_from_there() -> None:

@@ -44,12 +44,17 @@ def check(step: int, losses: dict[str, float], ratio: float, collapsed: int, beg
     return collapsed
 
 
+def not_finite(tensors: Mapping[str, Tensor]) -> str:
+    """Return the name of a tensor that is not finite, "" if all are."""
+    return next((name for name, v in tensors.items() if v.is_floating_point() and not v.isfinite().all()), "")
+
+
 def check_finite(step: int, tensors: Mapping[str, Tensor], agree: Callable[[bool], bool]) -> None:
     """Raise Diverged, in all processes that `agree`, if a number of the state, or of what it makes, is not finite.
 
     Losses are checked now and then only; a checkpoint to roll back to must be good.
     """
-    bad = next((name for name, v in tensors.items() if v.is_floating_point() and not v.isfinite().all()), "")
+    bad = not_finite(tensors)
     if agree(bool(bad)):
         what = bad or "a weight"
         raise Diverged(f"training broke down by step {step}: {what} is not finite; lower the learning rate")
