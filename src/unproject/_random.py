@@ -2,7 +2,8 @@
 
 Nothing in the package draws from the global state of torch, numpy or Python. Every draw depends on its place in the run
 alone, so a resumed run repeats the draws of an uninterrupted one. Layers of a user's own do, such as dropout: each step
-of training seeds torch's global source for them (`seed_globally`).
+of training, each assignment and each step of a view predictor's fit seeds torch's global source for them
+(`seed_globally`).
 """
 
 from __future__ import annotations

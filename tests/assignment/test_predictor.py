@@ -57,6 +57,34 @@ def test_training_is_a_function_of_the_seed() -> None:
     assert all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
 
 
+def test_a_fit_with_dropout_is_a_function_of_the_seed_and_gives_the_users_random_state_back() -> None:
+    images, views = quadrants()
+
+    def network(shape: tuple[int, ...], count: int) -> nn.Module:
+        return nn.Sequential(nn.Flatten(), nn.Dropout(0.5), nn.Linear(256, count))
+
+    found = []
+    for _ in range(2):
+        torch.rand(3)
+        before = torch.random.get_rng_state()
+        found.append(trained(PredictorFit(network, steps=5, batch=32), images, views)[1])
+        assert torch.equal(before, torch.random.get_rng_state())
+    assert found[0] == found[1]
+
+
+def test_each_step_of_a_fit_drops_others() -> None:
+    seen: list[Tensor] = []
+
+    class Noted(nn.Linear):
+        def forward(self, input: Tensor) -> Tensor:
+            seen.append(torch.rand(2))
+            return super().forward(input.flatten(1))
+
+    images, views = quadrants()
+    trained(PredictorFit(lambda shape, count: Noted(256, count), steps=2, batch=4), images, views)
+    assert len(seen) == 2 and not torch.equal(*seen)
+
+
 def test_the_learning_rate_falls_to_zero() -> None:
     rates: list[float] = []
     watch = register_optimizer_step_pre_hook(lambda adam, *_: rates.append(adam.param_groups[0]["lr"]))

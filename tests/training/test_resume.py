@@ -10,6 +10,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +19,16 @@ import pytest
 import torch
 from comparing import differences, final, stats, temporaries
 from torch import Tensor
+from torch.nn.functional import dropout
 from toy import jointly, only_panel, toy, with_panel, with_predicted
 
 from unproject._types import UserError
-from unproject.assignment import Estimator, JointlyPredictedState, PredictorFit, predicted
+from unproject.assignment import Estimator, JointlyPredictedState, PredictedState, PredictorFit, predicted
 from unproject.data import Collection
 from unproject.domains import Domain
+from unproject.networks import LowRankGenerator, ViewPredictor
 from unproject.report.contents import read_contents
-from unproject.training import Adam, Recipe, checkpoint, load, lock, resume, run_directory, train, trainer
+from unproject.training import Adam, Recipe, Tries, checkpoint, load, lock, resume, run_directory, train, trainer
 from unproject.training.trainer import Trainer
 
 # Rounds begin at odd steps and checkpoints are of even ones: what a round decided must come out of a checkpoint.
@@ -261,13 +265,30 @@ def test_the_second_ctrl_c_interrupts_at_once(whole: Path, tmp_path: Path) -> No
     assert differences(whole, tmp_path) == []
 
 
-@pytest.mark.parametrize("act", [interrupt, die], ids=["stopped", "killed"])
-@pytest.mark.parametrize("settings", [{}, {"fresh": True}], ids=["one predictor", "fresh ones"])
-def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], None], settings: dict[str, Any]) -> None:
-    """Of full size it takes minutes: its checkpoints have the predictor, its moments and the steps done."""
-    recipe = with_predicted(RECIPE, fit={"steps": 7, **settings})
-    whole = train(recipe, tmp_path / "whole", quiet=True).path
-    run, calls, fit = tmp_path / "run", 0, PredictorFit.run
+class Noisy(LowRankGenerator):
+    """A generator that draws from torch's global source, whenever it is called."""
+
+    def forward(self, code: Tensor) -> Tensor:
+        return super().forward(code + 0.3 * torch.randn_like(code))
+
+
+class Dropping(ViewPredictor):
+    """A view predictor that draws too, not in its fit alone."""
+
+    def forward(self, y: Tensor) -> Tensor:
+        return super().forward(dropout(y, 0.3))
+
+
+def drawing(recipe: Recipe) -> Recipe:
+    """The recipe with layers that draw in the generator and in the predictor."""
+    noisy = recipe.replace(generator=partial(Noisy, size=16, channels=8, rank=4, code_size=8))
+    return with_predicted(noisy, fit={"network": partial(Dropping, channels=4)})
+
+
+@contextmanager
+def within_the_second_fit(act: Callable[[], None]) -> Iterator[None]:
+    """Run `act` after its fifth step; there is a checkpoint of the fourth."""
+    calls, fit = 0, PredictorFit.run
 
     def stopped(*arguments: Any) -> Iterator[tuple[int, Tensor]]:
         nonlocal calls
@@ -281,13 +302,54 @@ def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], No
         patch.setattr(predicted, "REPORT_EVERY", 1)
         patch.setattr(predicted, "SAVE_EVERY", 4)
         patch.setattr(PredictorFit, "run", stopped)
-        with suppress(Killed):
-            train(recipe, run, quiet=True)
+        yield
+
+
+@pytest.mark.parametrize("act", [interrupt, die], ids=["stopped", "killed"])
+@pytest.mark.parametrize(
+    "recipe",
+    [RECIPE, with_predicted(RECIPE, fit={"fresh": True}), drawing(RECIPE)],
+    ids=["one predictor", "fresh ones", "layers that draw"],
+)
+def test_an_assignment_goes_on_where_it_was(tmp_path: Path, act: Callable[[], None], recipe: Recipe) -> None:
+    """Of full size it takes minutes: its checkpoints have the predictor, its moments and the steps done."""
+    recipe = with_predicted(recipe, fit={"steps": 7})
+    whole = train(recipe, tmp_path / "whole", quiet=True).path
+    run = tmp_path / "run"
+    with within_the_second_fit(act), suppress(Killed):
+        train(recipe, run, quiet=True)
     stored = checkpoint.load(checkpoint.newest(run / "checkpoints"), "panels/0/assignment/")
     assert stored["panels/0/assignment/fitting"] == 2
     assert stored["panels/0/assignment/fitted"] == (5 if act is interrupt else 4)
     assert resume(run, recipe, quiet=True).step == 8
     assert differences(whole, run) == []
+
+
+def test_layers_that_draw_for_one_panel_do_not_depend_on_the_panel_before(tmp_path: Path) -> None:
+    """Its round is done when the run goes on, and draws no more."""
+    recipe = with_predicted(drawing(RECIPE), fit={"steps": 7})
+    recipe = recipe.replace(panels=[*recipe.panels, replace(recipe.panels[0], weight=0.5)])
+    whole = train(recipe, tmp_path / "whole", quiet=True).path
+    with within_the_second_fit(die), pytest.raises(Killed):
+        train(recipe, tmp_path / "run", quiet=True)
+    resume(tmp_path / "run", recipe, quiet=True)
+    assert differences(whole, tmp_path / "run") == []
+
+
+@pytest.mark.parametrize("tries", [None, Tries(3, 0.25, least_steps=1)])
+def test_layers_that_draw_go_on_where_they_were_right_before_a_round(
+    tmp_path: Path, tries: Tries | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What they draw in a round depends neither on the step before it nor on the samples that a checkpoint shows."""
+    monkeypatch.setattr(PredictedState, "merit", lambda _: torch.rand(()).item())  # of so few steps all are 0
+    recipe = drawing(toy(steps=8, checkpoint_every=2, starts=(0.25, 0.5, 0.75))).replace(tries=tries)
+    whole = train(recipe, tmp_path / "whole", quiet=True).path
+    with pytest.MonkeyPatch.context() as patch:
+        at_call(patch, PredictorFit, "run", 2, die)
+        with pytest.raises(Killed):
+            train(recipe, tmp_path / "run", quiet=True)
+    resume(tmp_path / "run", recipe, quiet=True)
+    assert differences(whole, tmp_path / "run") == []
 
 
 HOLDER = """

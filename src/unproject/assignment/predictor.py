@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .._random import generator_at
+from .._random import generator_at, seed_globally, seeded
 from .._types import UserError
 from ..networks import ViewPredictor
 
@@ -86,11 +86,13 @@ class PredictorFit:
         """Fit `predictor` to images (N, ...) of known views (N,), one step for each item that is taken.
 
         An interrupted fit continues from the same weights, the same optimiser and the number of steps `done`. Yields
-        (steps done, loss); at the end the predictor is in evaluation mode.
+        (steps done, loss); at the end the predictor is in evaluation mode. Each step seeds torch's global sources, for
+        layers that draw.
         """
         predictor.train()
         images = self.prepared(images)
         for step in range(done, self.steps):
+            seed_globally(seed, step, "layers of the view predictor")
             rows = torch.randint(len(images), (self.batch,), generator=generator_at(seed, step, "view predictor"))
             optimiser.param_groups[0]["lr"] = self.learning_rate * (1 - step / self.steps)
             some, labels = self.half_mirrored(images[rows], views[rows].to(images.device))
@@ -103,8 +105,9 @@ class PredictorFit:
 
     def fitted(self, predictor: nn.Module, images: Tensor, views: Tensor, seed: int) -> float:
         """Fit `predictor` from beginning to end; return the last loss."""
-        steps = self.run(predictor, self.optimiser(predictor), images, views, seed)
-        _, loss = deque(steps, maxlen=1)[0]
+        with seeded(seed, "view predictor"):  # which gives the global source back
+            steps = self.run(predictor, self.optimiser(predictor), images, views, seed)
+            _, loss = deque(steps, maxlen=1)[0]
         return loss.item()
 
     @torch.no_grad()

@@ -82,11 +82,12 @@ class Trainer:
         """
         recipe, state = self.recipe, self.state
         progress = self.progress()
+        seed_globally(recipe.seed, state.counters.step, "choice")  # for layers that draw, such as dropout
         if choose(state, progress, self.distribution.copy_from_leader, self.record):
             self.forward = self._compiled()
         if not self._assign(progress):
             return
-        seed_globally(recipe.seed, state.counters.step, f"layers/{self.distribution.rank}")  # for dropout
+        seed_globally(recipe.seed, state.counters.step, f"layers/{self.distribution.rank}")
         began = time.monotonic()
         self._remember()
         self._set_rates(progress)
@@ -234,6 +235,8 @@ class Trainer:
     def _assign(self, progress: float) -> bool:
         """Let each panel's assignment act; False if one was interrupted."""
         for index, panel in enumerate(self.state.panels):
+            # Without the rank: each process fits the same predictor.
+            seed_globally(self.recipe.seed, self.state.counters.step, f"assignment/{index}")
             if panel.assignment.learned is not None:
                 panel.assignment.learned.advance(progress)
             if not panel.assignment.before_step(TrainingContext(self, progress, index)):
