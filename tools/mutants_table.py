@@ -5489,6 +5489,12 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("layers that draw: a fit leaves the user's random state seeded", "assignment/predictor.py",
         'with seeded(seed, "view predictor"):', "if True:",
         "assignment/test_predictor.py::test_a_fit_with_dropout_is_a_function_of_the_seed_and_gives_the_users_random_state_back"),
+    mutant("budget: the strength of an augmentation leaps with another one", "training/loop.py",
+        "        if other_budget:\n", "        if False:\n",
+        "training/test_overfitting.py::test_the_strength_does_not_leap_with_a_smaller_budget"),
+    mutant("recovery: minutes in vain move the strength of an augmentation", "training/recovery.py",
+        "    trainer.state.go_on_from(trainer.progress())", "    pass",
+        "training/test_overfitting.py::test_the_strength_does_not_leap_with_a_rollback_in_a_budget_of_minutes"),
 )  # fmt: skip
 
 

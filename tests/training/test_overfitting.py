@@ -25,6 +25,9 @@ from unproject.networks import Discriminator
 from unproject.recipes.pairing import Views, panel_of
 from unproject.training import Recipe, resume, train
 from unproject.training.description import describe
+from unproject.training.health import Diverged
+from unproject.training.recorder import Recorder
+from unproject.training.recovery import roll_back
 from unproject.training.state import State
 from unproject.training.trainer import Trainer
 
@@ -127,6 +130,32 @@ def test_the_strength_goes_on_where_it_was(tmp_path: Path, views: Views) -> None
     resume(tmp_path / "killed", recipe, quiet=True)
     assert differences(whole, tmp_path / "killed") == []
     assert final(whole)["panels/0/augmentation/strength"].item() not in (0.0, 0.5)
+
+
+def test_the_strength_does_not_leap_with_a_smaller_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 80 steps 4 are done, then of 10: the measurement at 5 moves it by a tenth, not by nearly a half."""
+    recipe, step = adaptive(augmentation=replace(ADAPTIVE, rise=1.0)), Trainer.step
+    with monkeypatch.context() as patch, pytest.raises(ZeroDivisionError):
+        patch.setattr(Trainer, "step", lambda self: step(self) if self.state.counters.step < 4 else 1 / 0)
+        train(recipe.replace(steps=80), tmp_path, quiet=True)
+    resume(tmp_path, recipe.replace(steps=10), quiet=True)
+    strengths = {line["step"]: line["strength"] for line in stats(tmp_path) if "strength" in line}
+    assert abs(strengths[6] - strengths[4]) == pytest.approx(0.1)
+
+
+def test_the_strength_does_not_leap_with_a_rollback_in_a_budget_of_minutes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was trained in vain is spent, and says nothing of overfitting."""
+    recipe = adaptive(augmentation=replace(ADAPTIVE, rise=1.0)).replace(steps=None, minutes=10.0)
+    train(recipe.replace(steps=4), tmp_path, quiet=True)
+    with Recorder(tmp_path, quiet=True) as recorder:
+        trainer = Trainer(recipe, tmp_path, recorder)
+        trainer.state.counters.seconds = 300.0
+        roll_back(trainer, Diverged("broke down"))
+        (panel,) = trainer.state.panels
+        assert panel.augmentation is not None and trainer.state.counters.step == 4
+        assert panel.augmentation.state_dict()["moved_at"].item() == pytest.approx(0.5, abs=0.01)
 
 
 def view_of(images: Tensor) -> Tensor:

@@ -17,12 +17,18 @@ def progress_of(resolved: Mapping[str, Any], step: int, seconds: float) -> float
     return part_spent(steps, minutes, step, seconds)
 
 
+def has_budget(path: Path, recipe: Recipe) -> bool:
+    """Whether the budget of a run on disk is that of the recipe."""
+    stored = read_json(path / "recipe.json", RESTORE)["resolved"]
+    return all(stored.get(name) == getattr(recipe, name) for name in BUDGET)
+
+
 def store_budget(path: Path, recipe: Recipe) -> None:
     """Write the budget of a run that goes on to its recipe.json."""
+    if has_budget(path, recipe):
+        return
     file = path / "recipe.json"
     content, budget = read_json(file, RESTORE), {name: getattr(recipe, name) for name in BUDGET}
-    if {name: content["resolved"].get(name) for name in BUDGET} == budget:
-        return
     content["resolved"] |= budget
     if content.get("function"):  # by which it is built again
         given = {name: value for name, value in budget.items() if value is not None}

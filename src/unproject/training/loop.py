@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 from .._random import own_random_state
 from .._types import UserError
 from . import checkpoint, event_file, run_directory
-from .budget import store_budget
+from .budget import has_budget, store_budget
 from .compatibility import check_same
 from .distribution import Distribution
 from .health import Diverged
@@ -144,6 +144,7 @@ def resume(
     distribution = Distribution(device)
     check_same(path, recipe)
     state = State(recipe, distribution.device)
+    other_budget = distribution.agree(not has_budget(path, recipe))  # all look before the first process stores it
     with locked(path, distribution.leads):
         if distribution.leads:
             run_directory.remove_temporaries(path)
@@ -151,6 +152,8 @@ def resume(
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
         elif run_directory.read_recipe(path)["start"] is not None:
             raise UserError(f"{path}: was stopped before its first weights were stored; delete it, and train again")
+        if other_budget:
+            state.go_on_from(recipe.progress(state.counters.step, state.counters.seconds))
         if distribution.leads:
             store_budget(path, recipe)
         return _run(recipe, path, state, distribution, quiet, log)

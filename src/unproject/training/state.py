@@ -162,10 +162,10 @@ class State:
         for panel, discriminator in zip(self.panels, self.discriminators, strict=True):
             panel.discriminator = discriminator
             panel.begin_losses(self.recipe, self.device)
-        self._go_on_from(progress)
+        self.go_on_from(progress)
 
-    def _go_on_from(self, progress: float) -> None:
-        """Let augmentations count the budget from here on."""
+    def go_on_from(self, progress: float) -> None:
+        """Let augmentations count the budget from here on, whatever was spent of it meanwhile, or of another one."""
         for panel in self.panels:
             if panel.augmentation is not None:
                 panel.augmentation.go_on_from(progress)
@@ -185,7 +185,7 @@ class State:
         self.counters.start = self.counters.best_start
         self.load({**self.kept, **self.counters.tensors()})
         self.kept = {}
-        self._go_on_from(progress)
+        self.go_on_from(progress)
 
     def update_average(self, half_life: float) -> None:
         """Move the averaged weights towards the generator's.
