@@ -82,7 +82,9 @@ def test_processes_agree_average_and_stay_equal(tmp_path: Path, forked: None) ->
     assert a["difference"] <= 1e-5 and b["difference"] <= 1e-5 and a["size"] > 1e-3
     assert a["sums"] == b["sums"] and a["views"] == b["views"]
     assert a["predictor"] == b["predictor"] and a["predicted"] == b["predicted"]
+    assert a["started"] == b["started"] and len(set(a["started"])) > 1
     assert a["copied"] == b["copied"] == [0, 0]
+    assert a["wide"] == b["wide"] == [200, 300] and a["averaged"] == b["averaged"] == 0.1
     assert a["agreed"] == b["agreed"] == [True, False]
     assert a["diversity"] == b["diversity"] == pytest.approx(0.5)
     assert a["writes"] == [1, 2, 2, "stats.jsonl"] and b["writes"] == [0, 0, 0, "null"]

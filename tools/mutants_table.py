@@ -5495,6 +5495,19 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("recovery: minutes in vain move the strength of an augmentation", "training/recovery.py",
         "    trainer.state.go_on_from(trainer.progress())", "    pass",
         "training/test_overfitting.py::test_the_strength_does_not_leap_with_a_rollback_in_a_budget_of_minutes"),
+    mutant("processes: means are rounded to single precision", "training/distribution.py",
+        "dtype=torch.float64, device=self.device", "device=self.device",
+        "test_processes.py::test_processes_agree_average_and_stay_equal"),
+    mutant("processes: what is spent of steps is a rounded mean", "training/trainer.py",
+        "return self.recipe.progress(self.state.counters.step, self.distribution.average(self.seconds))",
+        "return self.distribution.average(self.recipe.progress(self.state.counters.step, self.seconds))",
+        "training/test_trainer.py::test_what_is_spent_of_steps_is_no_mean_over_processes"),
+    mutant("processes: integers of two bytes are sent", "training/distribution.py",
+        "values = values.int() if values.dtype == torch.int16 else values", "pass",
+        "test_processes.py::test_processes_agree_average_and_stay_equal"),
+    mutant("start: each process begins with views of its own", "training/loop.py",
+        "distribution.copy_from_leader([*panel.assignment.parameters(), *panel.assignment.buffers()])", "pass",
+        "test_processes.py::test_processes_agree_average_and_stay_equal"),
 )  # fmt: skip
 
 

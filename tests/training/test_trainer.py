@@ -376,6 +376,18 @@ def test_a_misspelt_choice_is_refused(wrong: dict[str, Any]) -> None:
         toy(steps=1).replace(**wrong)
 
 
+def test_what_is_spent_of_steps_is_no_mean_over_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rounded, even in double precision, it may be less than the part at which a round begins."""
+    with Recorder(tmp_path, quiet=True) as recorder:
+        made = Trainer(toy(steps=40), tmp_path, recorder)
+        made.state.counters.step = 18
+        monkeypatch.setattr(made.distribution, "average", lambda value: value * (1 - 1e-9))
+        assert made.progress() == 18 / 40 >= 0.45
+        made.recipe = made.recipe.replace(steps=None, minutes=2.0)
+        monkeypatch.setattr(made.distribution, "average", lambda seconds: seconds + 60)
+        assert made.progress() == pytest.approx(0.5, abs=0.1)
+
+
 def test_all_processes_draw_the_rows_of_one_clock() -> None:
     """Each has its own; the mean over them says how many steps are left."""
     fake = MagicMock(recipe=toy(steps=1).replace(steps=None, minutes=1.0, batch=4))

@@ -90,8 +90,10 @@ class Distribution:
             gradient.copy_(part.view_as(gradient))
 
     def average(self, value: float) -> float:
-        """Return the mean of a number over the processes."""
-        return value if self.world == 1 else float(self._mean(torch.tensor(value, device=self.device)))
+        """Return the mean of a number over the processes, in double precision."""
+        if self.world == 1:
+            return value
+        return float(self._mean(torch.tensor(value, dtype=torch.float64, device=self.device)))
 
     def mean(self, values: Tensor) -> Tensor:
         """Return the mean of a tensor over the processes."""
@@ -108,6 +110,7 @@ class Distribution:
             return
         for tensor in tensors:
             values = tensor.detach().contiguous()
+            values = values.int() if values.dtype == torch.int16 else values  # which gloo does not know
             dist.broadcast(values, src=0)
             tensor.data.copy_(values)
 

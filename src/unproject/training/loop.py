@@ -75,6 +75,8 @@ def train(
     state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
     check_parts(recipe, state)
     began = None if start is None else start_from(state, Path(start))
+    for panel in state.panels if began is not None else ():  # another machine may have predicted other views
+        distribution.copy_from_leader([*panel.assignment.parameters(), *panel.assignment.buffers()])
     content = run_directory.content_of(recipe, began)
     distribution.barrier()
     if distribution.leads:

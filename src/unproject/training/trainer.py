@@ -250,8 +250,11 @@ class Trainer:
         return time.monotonic() - self.began
 
     def progress(self) -> float:
-        """Return the part of the budget spent, the mean over the processes, so that all agree."""
-        return self.distribution.average(self.recipe.progress(self.state.counters.step, self.seconds))
+        """Return the part of the budget spent, by the mean of the processes' clocks, so that all agree.
+
+        Steps are the same in all of them: a mean would be rounded, and rounds would come a step late.
+        """
+        return self.recipe.progress(self.state.counters.step, self.distribution.average(self.seconds))
 
     def stopping(self) -> bool:
         """Whether any process was asked to stop, so that all stop at the same instant."""
