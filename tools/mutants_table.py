@@ -5508,6 +5508,15 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("start: each process begins with views of its own", "training/loop.py",
         "distribution.copy_from_leader([*panel.assignment.parameters(), *panel.assignment.buffers()])", "pass",
         "test_processes.py::test_processes_agree_average_and_stay_equal"),
+    mutant("recorder: a torn line of the log is gone on with", "training/recorder.py",
+        'if kept and not kept[-1].endswith(b"\\n"):', "if False:",
+        "training/test_recorder.py::test_a_log_that_is_shorter_than_its_checkpoint_says_goes_on_with_a_line_of_its_own"),
+    mutant("recorder: lines that were lost are counted", "training/recorder.py",
+        "self._keep(lines) if leads else lines", "max(self._keep(lines), lines) if leads else lines",
+        "training/test_recorder.py::test_a_log_that_is_shorter_than_its_checkpoint_says_goes_on_with_a_line_of_its_own"),
+    mutant("recorder: a checkpoint is on the disk before the lines that it counts", "training/trainer.py",
+        "            self.recorder.synchronise()\n", "",
+        "training/test_recorder.py::test_the_log_is_on_the_disk_before_a_checkpoint_counts_its_lines"),
 )  # fmt: skip
 
 

@@ -40,9 +40,7 @@ class Recorder:
     ) -> None:
         self.tell = tell if leads else None
         self.file = path / "stats.jsonl" if leads else Path(os.devnull)
-        self.lines = lines
-        if leads:
-            self._keep(lines)
+        self.lines = self._keep(lines) if leads else lines
         self.stream = self.file.open("a", encoding="utf-8")
         self.events = EventFile(path, read_log(self.file)) if leads and (path / FOLDER).is_dir() else None
         self.bar = Progress(
@@ -59,17 +57,20 @@ class Recorder:
         )
         self.task = self.bar.add_task("training", total=1.0, note="")
 
-    def _keep(self, lines: int) -> None:
-        """Drop all but the first `lines` lines.
+    def _keep(self, lines: int) -> int:
+        """Drop all but the first `lines` lines, and the last if it is torn; return how many are left.
 
         The step of a line does not say whether to keep it: a rollback repeats steps, and events have the step of a
         checkpoint.
         """
         if not self.file.exists():
-            return
+            return 0
         kept = self.file.read_bytes().splitlines(keepends=True)[:lines]  # a damaged line is no text
+        if kept and not kept[-1].endswith(b"\n"):  # the next would be glued to it
+            kept.pop()
         with atomic_path(self.file) as temporary:
             temporary.write_bytes(b"".join(kept))
+        return len(kept)
 
     def __enter__(self) -> Recorder:
         self.bar.start()
@@ -96,6 +97,11 @@ class Recorder:
         self.lines += 1
         if self.tell is not None:
             self.tell(line)
+
+    def synchronise(self) -> None:
+        """Bring the log to the disk, before a checkpoint is there that counts its lines."""
+        with naming(self.file):
+            os.fsync(self.stream.fileno())
 
     def show(self, progress: float, note: str) -> None:
         """Move the bar to a part of the budget, 0 to 1, with a note behind it."""

@@ -281,6 +281,7 @@ class Trainer:
         samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
         check_finite(counters.step, tensors | {"a sample": samples}, self.distribution.agree)
         if self.distribution.leads:
+            self.recorder.synchronise()
             checkpoint.save(self.out / "checkpoints", counters.step, tensors)
             (self.out / VERDICT).unlink(missing_ok=True)  # it is of fewer steps
             self.state.domain.write_preview(samples, self.out / "samples" / f"step-{counters.step:09d}.png")
