@@ -5517,6 +5517,9 @@ GOING_ON: tuple[Mutant, ...] = (
     mutant("recorder: a checkpoint is on the disk before the lines that it counts", "training/trainer.py",
         "            self.recorder.synchronise()\n", "",
         "training/test_recorder.py::test_the_log_is_on_the_disk_before_a_checkpoint_counts_its_lines"),
+    mutant("report: the verdict of an older checkpoint is shown", "report/contents.py",
+        "if judged is not None and judged != step:", "if False:",
+        "report/test_report.py::test_a_run_that_is_broken_or_unfinished_is_told"),
 )  # fmt: skip
 
 

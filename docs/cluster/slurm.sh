@@ -15,7 +15,7 @@ GPUS=${SLURM_GPUS_ON_NODE:-1}
 MASTER=$(scontrol show hostnames "$SLURM_JOB_NODELIST" | head -n 1)
 
 # The first start trains, a job that was requeued goes on.
-if [ -d "$RUN/checkpoints" ]; then
+if [ -f "$RUN/recipe.json" ]; then
     COMMAND=(resume "$RUN" --steps 20000)
 else
     COMMAND=(train shapes --data my_masks.npz --steps 20000 --checkpoint-every 1000 --out "$RUN")

@@ -15,9 +15,13 @@ SLURM, KUBERNETES = CLUSTER / "slurm.sh", CLUSTER / "kubernetes.yaml"
 
 
 def check(script: str) -> None:
-    """The shell can read it, and its commands are verbs with the same flags in the same order."""
+    """The shell can read it, and its commands are verbs with the same flags in the same order.
+
+    What makes a run of a folder is its recipe.json, which comes last: what a kill left before it cannot be resumed.
+    """
     done = subprocess.run(["bash", "-n"], input=script, text=True, capture_output=True)
     assert done.returncode == 0 and not done.stderr
+    assert re.findall(r"if \[ (.+) \]; then", script) == ['-f "$RUN/recipe.json"']
     verbs = re.findall(r"COMMAND=\((\w+) ", script)
     assert verbs == ["resume", "train"] and set(verbs) <= set(VERBS)
     assert '-m unproject "${COMMAND[@]}"' in script and len(re.findall("--steps 20000", script)) == 2

@@ -31,7 +31,7 @@ class Contents:
         recipe: of recipe.json: `recipe`, `arguments`, `resolved`.
         environment: of environment.json; empty if it is damaged.
         lines: the objects of stats.jsonl.
-        verdict: of verdict.json; None if there is none.
+        verdict: of verdict.json; None if there is none on the newest checkpoint.
         previews: (step, picture file) over time.
         step: of the newest checkpoint; 0 if there is none.
         remarks: what is damaged or missing, a sentence each.
@@ -76,7 +76,7 @@ class Contents:
 
     @property
     def unfinished(self) -> str:
-        """Say how far a run is that is not finished, or that its verdict is on another step; else nothing."""
+        """Say how far a run is that is not finished; else nothing."""
         if not self.step:
             return "There is no checkpoint yet: the run was stopped before its first one, or has just begun."
         if not self.complete:
@@ -85,9 +85,6 @@ class Contents:
                 f"This run is not finished: {share:.0%} of its budget is spent, so there is no verdict. It was "
                 "stopped, or is still training."
             )
-        judged = number((self.verdict or {}).get("step"))
-        if judged is not None and judged != self.step:
-            return f"The verdict is on step {judged:.0f}, the samples are of step {self.step}."
         return ""
 
     @property
@@ -129,6 +126,10 @@ def read_contents(path: Path) -> Contents:
         remarks.append(f"{VERDICT} is {DAMAGED}: `unproject evaluate` judges the run again.")
         verdict = None
     step = newest_step(path / "checkpoints")
+    judged = number((verdict or {}).get("step"))
+    if judged is not None and judged != step:  # training was killed before it had removed the verdict of before
+        remarks.append(f"{VERDICT} is on step {judged:.0f}, not on {step}: `unproject evaluate` judges the run again.")
+        verdict = None
     return Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
 
 
