@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from comparing import differences
+from comparing import differences, stats
 from toy import BINS, jointly, only_panel, toy
 
 from unproject._random import generator_at
@@ -80,6 +80,7 @@ def test_further_images_are_predicted_when_the_budget_has_grown(tmp_path: Path, 
     train(recipe, tmp_path / "run", quiet=True)
     resume(tmp_path / "run", recipe, steps=24, quiet=True)
     assert predicted == [12, 12, 12, 24, 24], "at step 12, where nothing was foreseen, and in the round at 18"
+    assert [line["step"] for line in stats(tmp_path / "run") if "loss" in line and "round" in line] == [3, 6, 9, 18]
 
 
 def test_a_run_of_many_images_resumes_as_if_it_had_not_stopped(tmp_path: Path) -> None:
