@@ -92,6 +92,18 @@ def test_clusters_keep_their_heads() -> None:
     assert state.heads.unique().tolist() == [0, 1, 2] and (state.heads == 2).float().mean() > 0.4
 
 
+def test_a_round_that_finds_the_same_clusters_leaves_the_heads() -> None:
+    state = assigned(None, clusters=3)
+    p, run = torch.full((IMAGES, BINS), 0.02), MagicMock()
+    p[torch.arange(IMAGES), torch.randint(3, (IMAGES,), generator=generator_at(5))] = 0.9
+    assert hasattr(state, "_assign")
+    heads = []
+    for seed in range(4):
+        state._assign(run, p, None, seed)
+        heads.append(state.heads.clone())
+    assert all(torch.equal(again, heads[0]) for again in heads) and heads[0].unique().tolist() == [0, 1, 2]
+
+
 def test_the_predictor_learns_the_views_that_samples_have() -> None:
     state = assigned(0.5)
     assert hasattr(state, "trained")

@@ -11,7 +11,7 @@ from torch import Tensor
 from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.assignment import Estimator
-from unproject.assignment.responsibilities import balanced, k_means, likeliest_window, uniform_views
+from unproject.assignment.responsibilities import balanced, k_means, likeliest_window, renumbered, uniform_views
 
 # Clusters
 
@@ -31,6 +31,15 @@ def test_separated_blobs_are_the_clusters(seed: int) -> None:
     cluster = k_means(rows, 3, seed)
     pairs = set(zip(label.tolist(), cluster.tolist()))
     assert len(pairs) == 3 and len({c for _, c in pairs}) == 3
+
+
+def test_clusters_found_again_are_those_of_before() -> None:
+    rows, _ = blobs(spread=0.1)
+    found = [k_means(rows, 3, seed) for seed in range(6)]
+    assert not all(torch.equal(labels, found[0]) for labels in found)  # numbered anew each time
+    assert all(torch.equal(renumbered(labels, found[0], 3), found[0]) for labels in found)
+    others = torch.full_like(found[0], 3)  # of another head
+    assert sorted(renumbered(found[0], others, 3).unique().tolist()) == [0, 1, 2]
 
 
 def test_clusters_are_a_function_of_the_seed_and_leave_the_rows() -> None:

@@ -24,7 +24,7 @@ from .context import Context
 from .panel import Assignment, Panel
 from .predicting import PredictingState
 from .predictor import CHUNK, VIEWS_PER_SAMPLE, PredictorFit
-from .responsibilities import Estimator
+from .responsibilities import Estimator, renumbered
 from .starting import views_at_start
 
 REPORT_EVERY, SAVE_EVERY = 20, 5000
@@ -257,6 +257,10 @@ class PredictedState(PredictingState):
 
     def _assign(self, run: Context, responsibilities: Tensor, rows: Tensor | None, seed: int, **fields: object) -> None:
         views, heads = self.settings.estimator.assign(responsibilities, seed)
+        if clusters := self.settings.estimator.clusters:  # which k-means numbers anew
+            held_out = [] if self.panel.held_out is None else [self.held_out_heads]
+            before = torch.cat([self.heads if rows is None else self.heads[rows], *held_out])
+            heads = renumbered(heads, before, clusters)
         run.synchronise([views, heads])
         self._take(views, heads, rows, seed)
         counts = torch.bincount(self.views, minlength=len(self.panel.observations)).tolist()

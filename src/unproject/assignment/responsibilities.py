@@ -111,6 +111,24 @@ def likeliest_window(probabilities: Tensor, length: int) -> Tensor:
     return windows[int(torch.stack(likelihood).argmax())]
 
 
+def renumbered(labels: Tensor, before: Tensor, count: int) -> Tensor:
+    """Return labels (N,) from 0 to count - 1, numbered so that as many items as possible have the label of before (N,).
+
+    Else what a head has learned would be of another cluster after each round. Labels of before from `count` on are
+    those of no cluster.
+
+    Examples:
+        >>> renumbered(torch.tensor([1, 1, 0, 2]), torch.tensor([0, 0, 2, 2]), 3)
+        tensor([0, 0, 2, 1])
+    """
+    from scipy.optimize import linear_sum_assignment  # here, since it takes a tenth of a second to import
+
+    known = before < count
+    both = torch.zeros(count, count, dtype=torch.long)
+    both.index_put_((labels[known].long(), before[known].long()), torch.tensor(1), accumulate=True)
+    return torch.from_numpy(linear_sum_assignment(both.numpy(), maximize=True)[1])[labels]
+
+
 SAMPLE = 2**16
 """Rows that clusters are found by; of more, so many evenly spread."""
 
