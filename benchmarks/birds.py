@@ -2,8 +2,8 @@
 
     python benchmarks/birds.py --data MASKS.npz --minutes 20 --out docs/results/birds
 
-Leaves shapes.webp (new shapes from four azimuths), views.webp (the masks grouped by the view they were assigned) and
-birds.json (scores of the silhouettes, seconds, machine).
+Leaves shapes.webp (new shapes from four azimuths) and birds.json (scores of the silhouettes, seconds, machine). No mask
+is among them, for its licence's sake: `unproject studio runs/` shows them by the view that they were assigned.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import torch
 from unproject import export
 from unproject.data import read
 from unproject.recipes.shapes import shapes
-from unproject.reproduce.scoring import COLUMNS, grouped
 from unproject.training import load, train
 
 
@@ -42,11 +41,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     if not (options.runs / "recipe.json").exists():
         train(recipe, options.runs, quiet=True)
     run = load(options.runs)
-    (state,) = run.assignments()
-    images, bins = state.panel.collections[0].floats(), len(state.panel.observations)
     options.out.mkdir(parents=True, exist_ok=True)
     export.contact_sheet(run.generator.sample(8, options.seed), options.out / "shapes.webp", size=128)
-    export.silhouette_sheet(grouped(images, state.views, bins), options.out / "views.webp", columns=COLUMNS)
     masks = read(options.data, size=options.size)
     scores = run.evaluate(masks, n=len(masks), seed=options.seed)
     about = {

@@ -5441,6 +5441,15 @@ FINDINGS = (
         "[: int(energy.isfinite().sum())]", "", "inversion/test_fitter.py"),
 )  # fmt: skip
 
+GIVEN_AWAY = (
+    mutant("reproduce: training images of real collections are stored", "reproduce/scoring.py",
+        "len(state.panel.shape) == 3 and not real:", "len(state.panel.shape) == 3:",
+        "reproduce/test_running.py::test_training_images_of_real_collections_are_not_stored"),
+    mutant("reproduce: training images of real collections are joined into a figure", "reproduce/pictures.py",
+        "*(report.figure.real if samples else ())", "*report.figure.real",
+        "reproduce/test_report.py::test_training_images_of_real_collections_are_not_joined"),
+)  # fmt: skip
+
 
 GOING_ON: tuple[Mutant, ...] = (
     mutant("rounds: a larger budget waits for those that it has done", "assignment/predicted.py",
@@ -5558,4 +5567,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *ON_A_GPU,
     *FINDINGS,
     *GOING_ON,
+    *GIVEN_AWAY,
 )

@@ -77,6 +77,16 @@ def test_pictures_that_are_too_many_for_a_row_go_on_below(
         assert picture.size == (30, 84)
 
 
+def test_training_images_of_real_collections_are_not_joined(report: Report, tmp_path: Path) -> None:
+    real = Arm("theirs", "wood", "wood", "one")
+    for result in report.results.values():
+        result.picture.rename(result.views)  # as stored before they were left out
+    shown = replace(report, figure=replace(FIGURE, arms=FIGURE.arms[:1], real=(real,), claims=(), shows="views"))
+    write(shown, tmp_path / "out")
+    with Image.open(tmp_path / "out" / "fig7.webp") as picture:
+        assert picture.size == (30, 42)
+
+
 def test_the_page_needs_no_other_file(report: Report, tmp_path: Path) -> None:
     write(report, tmp_path)
     page = (tmp_path / "fig7.html").read_text()

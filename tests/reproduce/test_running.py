@@ -22,12 +22,15 @@ from unproject import reproduce as package
 from unproject._types import UserError
 from unproject.cli import main
 from unproject.data.procedural.materials.correlated import build_correlated
-from unproject.reproduce import Arm, Claim, Figure, Settings, running
+from unproject.recipes.shapes import shapes
+from unproject.reproduce import FIGURES, Arm, Claim, Figure, Settings, running
 from unproject.reproduce.material_sources import PROBES, photographed
-from unproject.reproduce.place import Place
+from unproject.reproduce.place import Place, Source
+from unproject.reproduce.result import Result
 from unproject.reproduce.running import is_finished
-from unproject.reproduce.scoring import grouped, octave_scores, score_truth
+from unproject.reproduce.scoring import grouped, octave_scores, score, score_truth
 from unproject.reproduce.sources import SOURCES, birds, procedural_shapes
+from unproject.training import train
 
 SMALL = {"size": 16, "steps": 2, "channels": 8, "batch": 4}
 TOY = Figure(
@@ -230,6 +233,30 @@ def test_images_are_grouped_by_view() -> None:
     rows = grouped(images, views, 3).view(3, -1)
     assert rows.shape == (3, 12) and rows[0].tolist() == list(range(12)) and rows[1].eq(0).all()
     assert rows[2, :10].tolist() == list(range(20, 30)) and rows[2, 10:].eq(0).all()
+
+
+@pytest.mark.parametrize("real", [True, False])
+def test_training_images_of_real_collections_are_not_stored(
+    real: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    volumes = birds(8, 16)
+    np.savez(tmp_path / "masks.npz", sil=(volumes.amax(3) > 0.5).transpose(1, 2).numpy())
+    small = {"size": 16, "bins": 4, "channels": 8, "rank": 2, "rounds": 1, "batch": 4, "steps": 1}
+    train(shapes(data=tmp_path / "masks.npz", views="predicted", **small), tmp_path / "run", quiet=True)
+    monkeypatch.setitem(SOURCES, "masks", Source(dict, lambda place: volumes, real=real))  # type: ignore[arg-type]
+    monkeypatch.setattr("unproject.reproduce.scoring.SHAPES", 8)
+    result = Result(tmp_path / "kept", "masks", 0)
+    score(tmp_path / "run", "masks", Place(tmp_path, tmp_path, 16), result, {})
+    kept = {path.name for path in result.folder.glob("*.webp")}
+    assert kept == {"masks-0.webp"} | (set() if real else {"masks-0-views.webp"})
+
+
+def test_the_project_keeps_no_picture_of_a_real_collection() -> None:
+    results = Path(__file__).parents[2] / "docs" / "results"
+    real = [arm for figure in FIGURES.values() for arm in (*figure.arms, *figure.real) if SOURCES[arm.source].real]
+    names = {f"{arm.name}-*-views.webp" for arm in real} | {f"truth-{arm.source}-*.webp" for arm in real}
+    assert real and not [path for name in names for path in results.rglob(name)]
+    assert not [path for path in results.rglob("*views.webp") if "reproduction" not in path.parts]
 
 
 def test_files_are_made_once_and_never_half(tmp_path: Path) -> None:

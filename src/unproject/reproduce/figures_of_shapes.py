@@ -128,6 +128,7 @@ VIEWS = Figure(
         "has the same silhouette from two views, in all but two of the sixteen bins, so at most 9 of 16 can be found.",
         INITIAL_VIEWS_REASON,
     ),
-    caption="Each row is a view: training images that were assigned to it, twelve at most.",
+    caption="Each row is a view: training images that were assigned to it, twelve at most. Those of real collections "
+    "are not shown, for their licences' sake.",
     shows="views",
 )

@@ -25,10 +25,10 @@ def save_picture(report: Report, path: Path) -> bool:
 
 
 def _sheets(report: Report) -> dict[str, Path]:
-    """Return name → picture, in the order of the arms."""
+    """Return name → picture, in the order of the arms; training images of real collections are not shown."""
     sheets: dict[str, Path] = {}
     samples = report.figure.shows == "samples"
-    for arm in (*report.figure.arms, *report.figure.real):
+    for arm in (*report.figure.arms, *(report.figure.real if samples else ())):
         truth = f"truth-{arm.source}"
         if samples and truth in report.truths:
             sheets[truth] = report.truths[truth].picture

@@ -19,7 +19,8 @@ from ..training.run_directory import write_json
 
 @dataclass(frozen=True)
 class Result:
-    """The result of one arm and seed: ARM-SEED.json and ARM-SEED.webp, and ARM-SEED-views.webp if views are predicted.
+    """The result of one arm and seed: ARM-SEED.json and ARM-SEED.webp, and ARM-SEED-views.webp if views of embedded data
+    are predicted.
 
     Attributes:
         folder: of the results.
@@ -41,7 +42,7 @@ class Result:
 
     @property
     def views(self) -> Path:
-        """The picture of training images grouped by predicted view."""
+        """The picture of training images grouped by predicted view; of real collections there is none."""
         return self.folder / f"{self.arm}-{self.seed}-views.webp"
 
     @property

@@ -37,7 +37,7 @@ def score(path: Path, source: str, place: Place, result: Result, fields: Mapping
     if isinstance(run.domain, Maps):  # no recipe of materials predicts views: its data need not be built again
         scores = score_materials(run.domain, run.sample(count, result.seed), reference, source, result.seed)
     else:
-        scores = _score_with_views(run, reference, count, result)
+        scores = _score_with_views(run, reference, count, result, SOURCES[source].real)
     result.write(scores, {**fields, "steps": run.step, "scored": scored_with(), **provenance(path)})
 
 
@@ -51,12 +51,12 @@ def scored_with() -> dict[str, Any]:
     return {name: value for name, value in environment().items() if name in ("commit", "started", "packages")}
 
 
-def _score_with_views(run: Run, reference: Tensor, count: int, result: Result) -> dict[str, Score]:
-    """Return scores of samples and of predicted views, and store a picture of the latter."""
+def _score_with_views(run: Run, reference: Tensor, count: int, result: Result, real: bool) -> dict[str, Score]:
+    """Return scores of samples and of predicted views; store a picture of the latter unless the data are real."""
     run = run.with_recipe()
     (state,) = run.assignments()
     views = state.estimates()
-    if views is not None and len(state.panel.shape) == 3:
+    if views is not None and len(state.panel.shape) == 3 and not real:
         rows = grouped(state.panel.collections[0].floats(), views, len(state.panel.observations))
         silhouette_sheet(rows, result.views, columns=COLUMNS)
     return run.evaluate(reference, n=count, seed=result.seed, ceiling=True)
