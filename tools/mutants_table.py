@@ -5448,6 +5448,15 @@ GIVEN_AWAY = (
     mutant("reproduce: training images of real collections are joined into a figure", "reproduce/pictures.py",
         "*(report.figure.real if samples else ())", "*report.figure.real",
         "reproduce/test_report.py::test_training_images_of_real_collections_are_not_joined"),
+    mutant("sharing: files of the run before stay on the hub", "sharing/hub.py",
+        '"delete_patterns": list(OURS)', '"delete_patterns": []',
+        "sharing/test_sharing.py::test_a_run_on_the_hub_is_replaced_whole"),
+    mutant("sharing: a private run goes where all see it", "sharing/hub.py",
+        "if private and not api.repo_info(name).private:", "if False:",
+        "sharing/test_sharing.py::test_a_private_run_is_not_put_where_all_see_it"),
+    mutant("sharing: paths of Windows are told to others", "sharing/shared.py",
+        "PureWindowsPath(value).root:", "Path(value).is_absolute():",
+        "sharing/test_sharing.py::test_paths_of_either_system_are_shortened"),
 )  # fmt: skip
 
 

@@ -6,7 +6,9 @@ import json
 import shutil
 import sys
 import warnings
+from fnmatch import fnmatch
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -92,10 +94,17 @@ class LocalHub:
         self.root, self.private = root, {}
 
     def create_repo(self, name: str, private: bool, exist_ok: bool) -> str:
-        self.private[name] = private
+        self.private.setdefault(name, private)
         return f"hub:{name}"
 
-    def upload_folder(self, repo_id: str, folder_path: Path, commit_message: str) -> None:
+    def repo_info(self, name: str) -> SimpleNamespace:
+        return SimpleNamespace(private=self.private[name])
+
+    def upload_folder(self, repo_id: str, folder_path: Path, commit_message: str, delete_patterns: list[str]) -> None:
+        there = self.root / repo_id
+        for file in there.rglob("*"):
+            if any(fnmatch(file.relative_to(there).as_posix(), pattern) for pattern in delete_patterns):
+                file.unlink()
         shutil.copytree(folder_path, self.root / repo_id, dirs_exist_ok=True)
 
     def snapshot_download(self, name: str, revision: str | None, allow_patterns: list[str]) -> str:
@@ -116,6 +125,35 @@ def test_a_run_goes_to_a_hub_and_comes_back(run: Path, tmp_path: Path, monkeypat
         up.from_pretrained("you/none")
 
 
+def test_a_run_on_the_hub_is_replaced_whole(run: Path, tmp_path: Path) -> None:
+    local, there = LocalHub(tmp_path), tmp_path / "me" / "chairs"
+    for folder in ("checkpoints", "samples", "notes"):
+        (there / folder).mkdir(parents=True)
+    names = ("checkpoints/step-000000009.safetensors", "samples/step-000000009.png", "verdict.json", "notes/mine.json")
+    for name in (*names, ".gitattributes"):
+        (there / name).write_text("of before")
+    up.push_to_hub(run, "me/chairs", api=local)
+    kept = {path.relative_to(there).as_posix() for path in there.rglob("*") if path.is_file()}
+    assert len([name for name in kept if name.startswith(("checkpoints/", "samples/"))]) == 2
+    assert not kept & set(names[:2]) and {"notes/mine.json", ".gitattributes"} <= kept
+    assert up.load(there).step == 4
+
+
+def test_a_private_run_is_not_put_where_all_see_it(run: Path, tmp_path: Path) -> None:
+    local = LocalHub(tmp_path)
+    local.private["me/chairs"] = False
+    with pytest.raises(up.UserError, match="^me/chairs: exists and is public; give --public or another name$"):
+        up.push_to_hub(run, "me/chairs", api=local)
+    assert not (tmp_path / "me").exists()
+    up.push_to_hub(run, "me/chairs", private=False, api=local)
+    assert (tmp_path / "me" / "chairs" / "README.md").is_file()
+
+
+@pytest.mark.parametrize("path", ["C:\\Users\\me\\masks", "D:/me/masks", "\\\\server\\me\\masks", "/home/me/masks"])
+def test_paths_of_either_system_are_shortened(path: str) -> None:
+    assert without_paths({"data": path, "kept": ["masks", "a/b"]}) == {"data": "masks", "kept": ["masks", "a/b"]}
+
+
 def test_the_hub_has_what_is_called(tmp_path: Path) -> None:
     """The stand-in takes what the package's own methods take."""
     import inspect
@@ -124,6 +162,7 @@ def test_the_hub_has_what_is_called(tmp_path: Path) -> None:
     for own, method in (
         (LocalHub.create_repo, package.HfApi.create_repo),
         (LocalHub.upload_folder, package.HfApi.upload_folder),
+        (LocalHub.repo_info, package.HfApi.repo_info),
     ):
         assert set(inspect.signature(own).parameters) - {"self", "name"} <= set(inspect.signature(method).parameters)
     wanted = {"revision", "allow_patterns"}

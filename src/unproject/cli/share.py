@@ -25,8 +25,9 @@ def run(
     Args:
         path: the run directory.
         out: the folder to make.
-        push: OWNER/NAME on the hub; needs pip install 'unproject[hub]', and `hf auth login`.
-        public: with --push, let everybody see it.
+        push: OWNER/NAME on the hub, in the place of a run that is there; needs pip install 'unproject[hub]', and
+            `hf auth login`.
+        public: with --push, let everybody see it; without, a public OWNER/NAME is refused.
         trust: import the run's code although it is not of this package.
     """
     from ..sharing import push_to_hub, save_pretrained

@@ -19,8 +19,7 @@ from ..training.run_directory import write_json
 
 @dataclass(frozen=True)
 class Result:
-    """The result of one arm and seed: ARM-SEED.json and ARM-SEED.webp, and ARM-SEED-views.webp if views of embedded data
-    are predicted.
+    """The result of one arm and seed: ARM-SEED.json, ARM-SEED.webp, and ARM-SEED-views.webp if views are predicted.
 
     Attributes:
         folder: of the results.

@@ -10,10 +10,12 @@ from typing import Any
 
 from .._types import UserError
 from ..training import Run, load
-from .shared import EXAMPLES, example_path, save_pretrained
+from .shared import EXAMPLES, LOG, PLACES, example_path, save_pretrained
 
 FILES = ("README.md", "*.json", "stats.jsonl", "checkpoints/*.safetensors", "samples/*.png")
 """What is fetched: nothing of it is executable."""
+OURS = ("README.md", *PLACES, LOG, "checkpoints/*.safetensors", "samples/*.png")
+"""What a run on the hub consists of: what an earlier one left of it goes when another takes its place."""
 NAME = re.compile(r"[\w.-]+/[\w.-]+", re.ASCII)
 
 
@@ -57,15 +59,17 @@ def push_to_hub(
 ) -> str:
     """Share a run on the hub as OWNER/NAME, privately unless said otherwise, and return its address.
 
+    It takes the place of a run that is there, of which no file is left; other files stay.
+
     Args:
         run: the run, or its directory.
         name: OWNER/NAME; it is made if there is none.
-        private: whether only its owner sees it.
+        private: whether only its owner sees it; a place that is there stays as public or private as it is.
         trust: import code outside this package.
         api: a `huggingface_hub.HfApi` (default: one that is logged in as `hf auth login` left it).
 
     Raises:
-        UserError: if the hub cannot be reached or refuses.
+        UserError: if the hub cannot be reached or refuses, or what is to be private would be public.
 
     Examples:
         >>> import unproject as up
@@ -83,7 +87,12 @@ def push_to_hub(
         card.write_text(card.read_text(encoding="utf-8").replace("OWNER/NAME", name), encoding="utf-8")
         try:
             address = api.create_repo(name, private=private, exist_ok=True)
-            api.upload_folder(repo_id=name, folder_path=shared, commit_message="A run of unproject")
+            if private and not api.repo_info(name).private:  # there before: `private` is of a new one alone
+                raise UserError(f"{name}: exists and is public; give --public or another name")
+            about = {"commit_message": "A run of unproject", "delete_patterns": list(OURS)}
+            api.upload_folder(repo_id=name, folder_path=shared, **about)
+        except UserError:
+            raise
         except Exception as error:  # of the network, the hub or the disk, in classes of several packages
             raise UserError(f"{name}: cannot be shared ({_in_one_line(error)}); log in by `hf auth login`") from None
     return str(address)

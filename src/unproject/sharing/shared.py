@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Mapping
 from importlib.resources import files
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import torch
@@ -153,9 +153,13 @@ def small(value: Tensor) -> Tensor:
 def without_paths(value: Any) -> Any:
     """Return a JSON value whose absolute paths are shortened to their last part; of a `command` relative ones too.
 
+    A run may have been trained on another system than that which shares it: paths are those of either.
+
     Examples:
         >>> without_paths({"data": "/data/secret/masks", "rate": 0.1})
         {'data': 'masks', 'rate': 0.1}
+        >>> without_paths({"data": "C:\\\\Users\\\\me\\\\masks"})
+        {'data': 'masks'}
         >>> without_paths({"command": ["unproject", "train", "shapes", "--data=../lr=1/masks"]})
         {'command': ['unproject', 'train', 'shapes', '--data=masks']}
     """
@@ -168,7 +172,9 @@ def without_paths(value: Any) -> Any:
         }
     if isinstance(value, list):
         return [without_paths(part) for part in value]
-    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
+    if isinstance(value, str) and PureWindowsPath(value).root:  # which takes / and \ for separators
+        return PureWindowsPath(value).name
+    return value
 
 
 def _short_word(word: Any) -> str:
