@@ -545,6 +545,37 @@ def test_a_batch_has_a_folder_each_and_a_second_writing_replaces_the_first(tmp_p
     assert tmp_path.name not in "".join(p.read_text() for p in written.paths if p.suffix in (".json", ".mtlx"))
 
 
+def test_maps_of_an_earlier_export_do_not_lie_beside_the_new_ones(tmp_path):
+    (tmp_path / "notes").mkdir()
+    export.material_x(flat(1), tmp_path, depth="half")
+    for name in ("mine.exr", "notes/normal.exr"):
+        (tmp_path / name).write_text("kept")
+    export.material_maps(flat(1), tmp_path)
+    pictures = {f"{name}.png" for name in NAMES}
+    assert set(os.listdir(tmp_path)) == {"material.json", *pictures, "mine.exr", "notes"}
+    assert os.listdir(tmp_path / "notes") == ["normal.exr"]
+    export.material_x(flat(2), tmp_path / "several", depth="float")
+    export.material_maps(flat(2), tmp_path / "several")
+    assert set(os.listdir(tmp_path / "several" / "material-01")) == {"material.json", *pictures}
+
+
+@pytest.mark.parametrize("note", [None, "{", "[]", '{"format": "another"}'])
+def test_maps_that_are_not_of_an_export_stay(tmp_path, note):
+    (tmp_path / "normal.exr").write_text("mine")
+    (tmp_path / "material.mtlx").write_text("mine")
+    if note is not None:
+        (tmp_path / "material.json").write_text(note)
+    export.material_maps(flat(1), tmp_path)
+    assert (tmp_path / "normal.exr").read_text() == (tmp_path / "material.mtlx").read_text() == "mine"
+
+
+def test_materials_of_a_larger_batch_are_named(tmp_path):
+    export.material_maps(flat(4), tmp_path)
+    with pytest.warns(UserWarning, match="material-02 and 1 more are of an earlier export"):
+        export.material_maps(flat(2), tmp_path)
+    assert (tmp_path / "material-03" / "material.json").is_file()
+
+
 @pytest.mark.parametrize("to", ["maps", "mtlx"])
 def test_a_new_folder_appears_by_one_renaming(tmp_path, monkeypatch, to):
     """A kill at any instant leaves no part of it under its name."""

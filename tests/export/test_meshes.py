@@ -203,6 +203,26 @@ def test_an_unknown_format_names_the_known_ones(tmp_path):
 def test_names_must_be_different_and_as_many(tmp_path):
     with pytest.raises(UserError, match="2 different names"):
         export.glb(np.stack([ball(), ball()]), tmp_path, names=["a", "a"])
+    with pytest.raises(UserError, match="2 different names, 3 were given, 2 of them different"):
+        export.glb(np.stack([ball(), ball()]), tmp_path, names=["a", "a", "b"])
+
+
+@pytest.mark.parametrize("to", ["glb", "vox"])
+@pytest.mark.parametrize("name", ["../a", "/a", "a/b", "a\\b", "C:a", "..", ".", "", "a\0"])
+def test_names_do_not_lead_out_of_the_folder(tmp_path, to, name):
+    with pytest.raises(UserError, match="is not that of a file"):
+        export.FORMATS[to](ball(), tmp_path / "out", names=[name])
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("to", ["glb", "vox"])
+def test_shapes_of_a_larger_batch_are_named(tmp_path, to):
+    (tmp_path / f"mine.{to}").write_text("kept")
+    export.FORMATS[to](np.stack([ball()] * 4), tmp_path)
+    with pytest.warns(UserWarning, match=f"shape_02.{to} and 1 more are of an earlier export"):
+        export.FORMATS[to](np.stack([ball()] * 2), tmp_path)
+    assert len(os.listdir(tmp_path)) == 5
+    export.FORMATS[to](ball(), tmp_path, names=["shape_01"])  # one that is chosen is put beside the others
 
 
 @pytest.mark.parametrize("to", export.FORMATS)

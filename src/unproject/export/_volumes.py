@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import re
+import warnings
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,12 +56,27 @@ def names_of(numbers: Sequence[int]) -> tuple[str, ...]:
 
 
 def names_for(batch: np.ndarray, names: Sequence[str] | None) -> tuple[str, ...]:
-    """The names given, checked, or numbers."""
+    """The names given, checked, or numbers.
+
+    Raises:
+        UserError: names that are not as many as the shapes, come twice, or could lead out of the folder.
+    """
     if names is None:
         return names_of(range(len(batch)))
-    if len(set(names)) != len(batch):
-        raise UserError(f"{len(batch)} shapes need {len(batch)} different names, {len(set(names))} were given")
+    if not len(names) == len(set(names)) == len(batch):
+        given = f"{len(names)} were given, {len(set(names))} of them different"
+        raise UserError(f"{len(batch)} shapes need {len(batch)} different names, {given}")
+    if bad := [name for name in names if name in ("", ".", "..") or re.search(r"[/\\:\0]", name)]:
+        raise UserError(f"the name {bad[0]!r} is not that of a file: leave out / and \\ and :")
     return tuple(names)
+
+
+def warn_left(folder: Path, names: Collection[str], pattern: str) -> None:
+    """Warn of what an earlier export of more left in a folder, beside what was written now: the names of the rest."""
+    left = [path.name for path in sorted(folder.glob("*")) if path.name not in names]
+    if left := [name for name in left if re.fullmatch(pattern, name)]:
+        several = f" and {len(left) - 1} more are" if len(left) > 1 else " is"
+        warnings.warn(f"{folder}: {left[0]}{several} of an earlier export; remove what is not wanted", stacklevel=3)
 
 
 def keep_usable(names: Sequence[str], make: Callable[[int], Any]) -> tuple[dict[str, Any], tuple[tuple[str, str], ...]]:

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from unproject._files import files_below, filled_folder
 from unproject._pictures import Depth, write_picture
 from unproject._types import UserError
-from unproject.export._volumes import Written, save
+from unproject.export._volumes import Written, save, warn_left
 from unproject.ops.maps import check_maps, unpack_maps
 
 Fresnel = Literal["eta", "albedo"]
@@ -56,6 +56,8 @@ _MEANING = {
     "roughness": "perceptual roughness r = sqrt(m); m = r² is the RMS slope, alpha of a Beckmann distribution",
     "normal": "v = (n + 1) / 2 of the unit normal n; x right, y up in the picture (OpenGL), z out of the surface",
 }
+_FORMAT = "unproject material"
+_OWN = ("material.mtlx", *(f"{name}.{suffix}" for name in _MEANING for suffix in ("png", "exr")))
 _MODEL = (
     "k_d / pi + D G F / (4 cos_i cos_o): Beckmann's D with alpha = m, separable Smith G, Schlick's F rising from F0; "
     "a tool with another D takes the same alpha for a lobe much like it"
@@ -176,7 +178,7 @@ def _note(material: Material, sheets: dict[str, Sheet], fresnel: Fresnel, eta: f
         if getattr(material, name).shape[-1] == 3:
             about[name]["primaries"] = "Rec. 709, as sRGB"
     return {
-        "format": "unproject material",
+        "format": _FORMAT,
         "width": width,
         "height": height,
         "rows": "row 0 is the top of the picture",
@@ -192,7 +194,11 @@ def _note(material: Material, sheets: dict[str, Sheet], fresnel: Fresnel, eta: f
 def write_folders(
     materials: dict[str, Material], path: str | PathLike[str], write: Callable[[Path, Material], Any]
 ) -> Written:
-    """Let `write` fill a folder for each material, the folder itself for one; they appear when all are filled."""
+    """Let `write` fill a folder for each material, the folder itself for one; they appear when all are filled.
+
+    Maps of an earlier export are removed from the folders that are written: in another format they would lie beside the
+    new ones.
+    """
     path = Path(path)
     if path.suffix in (".png", ".exr", ".json", ".mtlx") or (path.exists() and not path.is_dir()):
         raise UserError(f"{path}: a material is a folder of maps; give the name of a folder")
@@ -200,10 +206,26 @@ def write_folders(
     if (path / "material.json").is_file() if several else beside:
         held, given = ("a material", "several") if several else (f"several materials ({beside[0]}, …)", "one")
         raise UserError(f"{path}: holds {held}, which {given} beside it would hide; give another folder, or remove it")
+    before = [folder for folder in ([path / name for name in materials] if several else [path]) if _is_ours(folder)]
     with filled_folder(path) as staging:
         for name, material in materials.items():
             folder = staging / name if several else staging
             folder.mkdir(exist_ok=True)
             write(folder, material)
         files = files_below(staging)
-    return Written(tuple(path / file for file in files))
+    written = tuple(path / file for file in files)
+    for stale in {folder / name for folder in before for name in _OWN} - {*written}:
+        if stale.is_file():
+            stale.unlink()
+    if several:
+        warn_left(path, [*materials], r"material-\d+")
+    return Written(written)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether a folder holds a material that was written before."""
+    try:
+        note = json.loads((folder / "material.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(note, dict) and note.get("format") == _FORMAT

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from unproject._types import UserError
-from unproject.export._volumes import Written, as_batch, floor_grid, is_file, keep_usable, names_for, save
+from unproject.export._volumes import Written, as_batch, floor_grid, is_file, keep_usable, names_for, save, warn_left
 from unproject.ops.isosurface import isosurface, without_cavities
 
 if TYPE_CHECKING:  # trimesh is imported where it is used: it takes as long as a third of torch, and samplers need none
@@ -108,13 +108,15 @@ def _write(
     names: Sequence[str] | None,
     options: dict[str, Any],
 ) -> Written:
-    batch, path = as_batch(volumes), Path(path)
+    batch, path, numbered = as_batch(volumes), Path(path), names is None
     names = names_for(batch, names)
     meshes, skipped = keep_usable(names, lambda i: mesh(batch[i], name=names[i], **options))
     if is_file(path, suffix):
         return Written((save(path, encode(_scene(meshes))),), skipped)
-    files = (save(path / f"{name}{suffix}", encode(_scene({name: m}))) for name, m in meshes.items())
-    return Written(tuple(files), skipped)
+    files = tuple(save(path / f"{name}{suffix}", encode(_scene({name: m}))) for name, m in meshes.items())
+    if numbered:  # chosen ones may be put beside others
+        warn_left(path, {file.name for file in files}, rf"shape_\d+\{suffix}")
+    return Written(files, skipped)
 
 
 def _scene(meshes: dict[str, trimesh.Trimesh]) -> trimesh.Scene:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from unproject._types import UserError
-from unproject.export._volumes import Written, as_batch, is_file, keep_usable, names_for, save
+from unproject.export._volumes import Written, as_batch, is_file, keep_usable, names_for, save, warn_left
 
 _LARGEST = 256
 _CLAY = (206, 174, 152)
@@ -31,13 +31,16 @@ def vox(
         UserError: an axis longer than 256, several shapes for one file, or no shape with a voxel above the level.
         OSError: the disk. Empty shapes among others are in `Written.skipped`.
     """
-    batch, path = as_batch(volumes), Path(path)
+    batch, path, numbered = as_batch(volumes), Path(path), names is None
     names = names_for(batch, names)
     single = is_file(path, ".vox")
     if single and len(batch) > 1:
         raise UserError(f"{path} can hold one shape, not {len(batch)}: give a folder, without the .vox")
     contents, skipped = keep_usable(names, lambda i: encode_vox(batch[i] > level, names[i]))
-    return Written(tuple(save(path if single else path / f"{n}.vox", c) for n, c in contents.items()), skipped)
+    files = tuple(save(path if single else path / f"{n}.vox", c) for n, c in contents.items())
+    if numbered and not single:  # chosen ones may be put beside others
+        warn_left(path, {file.name for file in files}, r"shape_\d+\.vox")
+    return Written(files, skipped)
 
 
 def encode_vox(occupied: np.ndarray, name: str = "the shape") -> bytes:
