@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from unproject.data import chairs, correlated, digits
 from unproject.domains import Images, Maps
@@ -14,7 +15,7 @@ from unproject.metrics import shape_scores
 from unproject.recipes import find
 from unproject.reproduce import FIGURES, Arm, Claim, Figure, overall, verdict
 from unproject.reproduce.budgets import SIZES, flags_of
-from unproject.reproduce.figure import Spread, pooled
+from unproject.reproduce.figure import Spread, StudentTest, pooled, student_test
 from unproject.reproduce.figures_of_shapes import INITIAL_VIEWS_REASON
 from unproject.reproduce.material_sources import PHOTOGRAPHED
 from unproject.reproduce.scoring import score_materials
@@ -62,8 +63,21 @@ def test_a_verdict_needs_an_effect_beyond_the_spread_of_seeds(
 
 def test_spreads_of_arms_are_pooled() -> None:
     found = pooled([[0.0, 2.0], [5.0, 5.0, 5.0], [7.0]])
-    assert (found.variance, found.freedom) == (pytest.approx(2 / 3), 3)
+    assert (found.variance, found.freedom) == (pytest.approx(2), 1)  # seeds that are all alike do not count
+    both = pooled([[0.0, 2.0], [5.0, 5.0, 6.5]])
+    assert (both.variance, both.freedom) == (pytest.approx((2 + 1.5) / 3), 3)
     assert pooled([[1.0], []]) == Spread(0, 0) and Spread(1.0, 3) * 2 == Spread(2.0, 3)
+
+
+def test_a_test_is_students() -> None:
+    rng = np.random.default_rng(0)
+    effects = rng.normal(1, 1, 5).tolist()
+    found = student_test(effects, Spread(float(np.var(effects, ddof=1)), 4))
+    wanted = ttest_1samp(effects, 0, alternative="greater")
+    assert found is not None and (found.t, found.p) == (pytest.approx(wanted.statistic), pytest.approx(wanted.pvalue))
+    assert str(StudentTest(-2.1318, 4)) == "t(4) = -2.13, p = 0.05"
+    assert str(StudentTest(90, 4)) == "t(4) = 90, p < 0.001"
+    assert student_test([1.0], Spread(1, 4)) is student_test([1.0, 1.0], Spread(0, 0)) is None
 
 
 @pytest.mark.parametrize("seeds", [2, 3, 5])

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import mean
 
-from .figure import Claim, Figure, Spread, Verdict, overall, pooled, verdict
+from .figure import Claim, Figure, Spread, Verdict, overall, pooled, student_test, verdict
 from .result import Result
+
+MACHINE = ("cuda", "processor", "threads")
+"""What says how many steps the minutes of a budget are."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class ClaimResult:
         effects: one a seed that both arms have.
         spread: variance of such an effect between seeds.
         measured: the score of each arm that the claim names, the geometric mean over seeds.
-        unlike: in what else than the claim is about the two arms may differ: commits, minutes.
+        unlike: in what else than the claim is about the two arms, or seeds, may differ: commits, minutes, machines.
     """
 
     claim: Claim
@@ -40,12 +43,13 @@ class ClaimResult:
 
     @property
     def verdict_text(self) -> str:
-        """The verdict, how many seeds agree with an undecided claim, and in what the two arms are unlike."""
-        remarks = [*self.unlike]
+        """The verdict, its test, how many seeds agree with an undecided claim, and in what the two arms are unlike."""
+        found = student_test(self.effects, self.spread)
+        remarks = [*([str(found)] if found else []), *self.unlike]
         if self.verdict == "undecided" and len(self.effects) > 1:
             positive = [effect > 0 for effect in self.effects]
             some = "seeds disagree" if any(positive) else "no seed in favour"
-            remarks.insert(0, "all seeds in favour" if all(positive) else some)
+            remarks.insert(1 if found else 0, "all seeds in favour" if all(positive) else some)
         return f"{self.verdict} ({'; '.join(remarks)})" if remarks else self.verdict
 
 
@@ -115,14 +119,19 @@ class Report:
         return [claim.level(values) for values in found if all(score in values for score in claim.scores)]
 
     def _unlike(self, claim: Claim) -> tuple[str, ...]:
-        """Return whether the claim's two arms are of other commits, or trained for other times."""
+        """Return whether an arm's seeds, or the claim's two arms, are of several commits, minutes or machines."""
         both = [[self.results[arm, seed].read() for seed in self.seeds(arm)] for arm in (claim.better, claim.than)]
-        if not all(both):
-            return ()
         commits = [{made["environment"]["commit"] for made in arm} for arm in both]
-        seconds = [mean(made["seconds"] for made in arm) for arm in both]
-        times = seconds[0] / max(seconds[1], 1e-9)
-        remarks = {"other commits": commits[0] != commits[1], f"{times:.1f} times the minutes": not 0.8 < times < 1.25}
+        remarks = {"seeds of several commits": any(len(of_arm) > 1 for of_arm in commits)}
+        if all(both):
+            machines = [{tuple(made["environment"][key] for key in MACHINE) for made in arm} for arm in both]
+            seconds = [mean(made["seconds"] for made in arm) for arm in both]
+            times = seconds[0] / max(seconds[1], 1e-9)
+            remarks |= {
+                "other commits": commits[0] != commits[1],
+                "other machines": machines[0] != machines[1],
+                f"{times:.1f} times the minutes": not 0.8 < times < 1.25,
+            }
         return tuple(remark for remark, applies in remarks.items() if applies)
 
     def _measured(self, claim: Claim) -> dict[str, float]:

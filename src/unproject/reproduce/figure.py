@@ -147,23 +147,47 @@ class Spread:
 
 
 def pooled(levels: Iterable[Sequence[float]]) -> Spread:
-    """Pool the variance of several arms, each a sequence of levels by seed: Σ (x - its arm's mean)² / Σ (seeds - 1)."""
-    known = [arm for arm in levels if len(arm) > 1]
+    """Pool the variance of several arms, each a sequence of levels by seed: Σ (x - its arm's mean)² / Σ (seeds - 1).
+
+    Arms whose seeds are all alike are left out: their scores are at a bound, and say nothing of how seeds differ.
+    """
+    known = [arm for arm in levels if len(set(arm)) > 1]
     freedom = sum(len(arm) - 1 for arm in known)
     return Spread(sum((len(arm) - 1) * variance(arm) for arm in known) / max(freedom, 1), freedom)
+
+
+@dataclass(frozen=True)
+class StudentTest:
+    """Student's t of a mean effect, the degrees of freedom, and the chance p of one as large on this side."""
+
+    t: float
+    freedom: int
+
+    @property
+    def p(self) -> float:
+        return float(student.sf(abs(self.t), self.freedom))
+
+    def __str__(self) -> str:
+        p = "p < 0.001" if self.p < 0.001 else f"p = {self.p:.2g}"
+        return f"t({self.freedom}) = {self.t:.3g}, {p}"
+
+
+def student_test(effects: Sequence[float], spread: Spread) -> StudentTest | None:
+    """Test the mean of effects, one a seed; None of one seed alone, and where no variance between seeds is known."""
+    if len(effects) < 2 or spread.freedom < 1 or not spread.variance:
+        return None
+    return StudentTest(mean(effects) / math.sqrt(spread.variance / len(effects)), spread.freedom)
 
 
 def verdict(effects: Sequence[float], spread: Spread) -> Verdict:
     """Test a claim by its effects, one a seed: Student's t test, five per cent on either side.
 
-    One seed alone, or a mean effect below NEGLIGIBLE, leaves it undecided.
+    What cannot be tested, or a mean effect below NEGLIGIBLE, leaves it undecided.
     """
-    if len(effects) < 2 or spread.freedom < 1 or abs(mean(effects)) < NEGLIGIBLE:
+    found = student_test(effects, spread)
+    if found is None or abs(mean(effects)) < NEGLIGIBLE or found.p >= 0.05:
         return "undecided"
-    error = math.sqrt(spread.variance / len(effects))
-    if abs(mean(effects)) <= float(student.ppf(0.95, spread.freedom)) * error:
-        return "undecided"
-    return "holds" if mean(effects) > 0 else "does not hold"
+    return "holds" if found.t > 0 else "does not hold"
 
 
 def overall(verdicts: Sequence[Verdict]) -> Verdict:
