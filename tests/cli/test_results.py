@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
+import signal
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -23,6 +25,7 @@ from unproject.export import turntable
 from unproject.metrics import Score
 from unproject.training import Recipe, load
 from unproject.training.origin import rebuild
+from unproject.training.trainer import Trainer
 
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
@@ -319,6 +322,27 @@ def test_a_demo_whose_shapes_are_all_empty_says_so_and_leaves_its_run(
     assert main(["demo", "--minutes", "0.01", "--out", str(tmp_path / "demo")]) == 0
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {"silhouettes.png", "chairs.png", "run"}
     assert "warning: all 16 samples are empty" in capsys.readouterr().err
+
+
+def test_a_demo_that_is_stopped_is_no_result_and_can_be_finished(
+    small_demo: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step, out = Trainer.step, tmp_path / "a demo"
+
+    def interrupted(self: Trainer) -> None:
+        step(self)
+        signal.raise_signal(signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "step", interrupted)
+        assert main(["demo", "--minutes", "0.05", "--out", str(out)]) == 0
+    assert {path.name for path in out.iterdir()} == {"silhouettes.png", "run"}
+    said = capsys.readouterr().out.splitlines()[-1]
+    found = re.fullmatch(r".*: stopped; unproject (resume .*) goes on, then unproject (export .*)", said)
+    assert found is not None
+    for command in found.groups():
+        assert main([*shlex.split(command), "--trust"]) == 0  # of the toy, which is not the package's
+    assert load(out / "run", trust=True).complete and len(list((out / "glb").glob("*.glb"))) == 16
 
 
 @pytest.mark.parametrize("flags", [["--minutes", "nan"], ["--minutes", "0"], ["--threads", "0"]])

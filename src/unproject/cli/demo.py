@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from pathlib import Path
 
@@ -16,6 +17,7 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
 
     Writes into --out: silhouettes.png (the data), chairs.png (a contact sheet of new chairs), turntable.gif,
     glb/shape_NN.glb for Blender or any viewer, and run/, the run directory. Ends with the run's verdict in one line.
+    Ctrl-C stops the training, which `unproject resume OUT/run` continues; new chairs are then made by `export`.
 
     Args:
         out: where to put it all.
@@ -37,6 +39,11 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
     out.mkdir(parents=True, exist_ok=True)
     export.silhouette_sheet(masks[:: max(len(masks) // 64, 1)][:64], out / "silhouettes.png")
     trained = train(recipe, out / "run")
+    if not trained.complete:  # what half a training makes would pass for the demo's result
+        path = shlex.quote(str(out / "run"))
+        then = f"unproject export {path} --to glb --out {shlex.quote(str(out / 'glb'))}"
+        print(f"{out}: stopped; unproject resume {path} goes on, then {then}")
+        return
     chairs = trained.sample(16, seed=1, largest_part=True)
     export.contact_sheet(chairs[:8], path=out / "chairs.png")
     written = "chairs.png"
