@@ -17,7 +17,7 @@ those of as many training shapes; MMD also of those held-out shapes alone of whi
 shapes (IoU above 0.9, as ModelNet has many); the same of the visual hulls of training shapes, the best that level
 silhouettes can tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in
 one piece; the verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm
-that is there is left out, the table is printed at the end.
+that is there with the same minutes and training shapes is left out, the table is printed at the end.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 import torch
 from PIL import Image
-from results import Results, count_cpu_seconds, finished, minutes_of
+from results import Results, budget_of, count_cpu_seconds, finished, minutes_of
 from torch import Tensor
 
 import unproject as up
@@ -90,7 +90,7 @@ def cars(data: Path) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def prepare(name: str, data: Path, out: Path, shapes: int = SHAPES) -> Path:
     """Render silhouettes of at most so many shapes of a class once; return its folder."""
-    folder = out / "data" / name
+    folder = out / "data" / f"{name}-{shapes}"
     if (folder / "truth.pt").exists():
         return folder
     (folder / "cropped").mkdir(parents=True, exist_ok=True)
@@ -129,19 +129,22 @@ def path_of(folder: Path, form: str) -> Path:
     return folder / {"cropped": "cropped", "plain": "plain.npz", "known": "known.npz"}[form]
 
 
-def run_arm(
-    name: str, form: str, seed: int, minutes: float, folder: Path, out: Path, device: str = "cpu"
-) -> dict[str, Any]:
+def name_of(name: str, shapes: int, form: str, minutes: float, seed: int) -> str:
+    """Return the name of an arm's run."""
+    return f"{name}-{shapes}-{form}-{minutes:g}-{seed}"
+
+
+def run_arm(called: str, form: str, seed: int, minutes: float, folder: Path, out: Path, device: str) -> dict[str, Any]:
     """Train and score one arm."""
     views = "known" if form == "known" else "predicted"
     recipe = up.recipes.find("shapes")(data=path_of(folder, form), views=views, seed=seed, minutes=minutes)
-    run, found = trained(recipe, out / "runs" / f"{name}-{form}-{seed}", device)
+    run, found = trained(recipe, out / "runs" / called, device)
     found |= shapes_quality(run, folder, fixed=form == "known")
     if form != "known":
         found |= views_quality(run, recipe, folder, form)
     verdict = run.verdict()
     found |= {"verdict": verdict.word, "says": verdict.line}
-    up.export.contact_sheet(run.sample(12, seed=1), out / f"{name}-{form}-{seed}.png", size=80)
+    up.export.contact_sheet(run.sample(12, seed=1), out / f"{called}.png", size=80)
     return found
 
 
@@ -206,22 +209,28 @@ def at_size(x: Tensor) -> Tensor:
 
 
 def table(results: Sequence[dict[str, Any]]) -> str:
-    """Return the results as a Markdown table; the last column is the MMD over that of known views of the same seed."""
-    known = {(r["class"], r["seed"]): r["mmd"] for r in results if r["form"] == "known"}
-    names = ("class", "form", "seed", "MMD / own (hulls)", "without copies", "COV / own (hulls)", "one piece")
-    head = f"| {' | '.join(names)} | views / ceiling | MMD / known | verdict |"
-    lines = [head, "|---" * 10 + "|"]
-    for r in sorted(results, key=lambda r: (r["class"], FORMS.index(r["form"]), r["seed"])):
+    """Return the results as a Markdown table; MMD / known is over that of known views of the same seed."""
+    known = {arm_of(r): r["mmd"] for r in results if r["form"] == "known"}
+    names = ("class", "form", "seed", "minutes", "MMD / own (hulls)", "without copies", "COV / own (hulls)")
+    head = f"| {' | '.join(names)} | one piece | views / ceiling | MMD / known | verdict |"
+    lines = [head, "|---" * 11 + "|"]
+    for r in sorted(results, key=lambda r: (r["class"], FORMS.index(r["form"]), r["seed"], budget_of(r))):
         views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
-        base = known.get((r["class"], r["seed"]))
+        base = known.get(arm_of(r))
         ratio = f"{r['mmd'] / base:.2f}" if base and r["form"] != "known" else ""
         lines.append(
-            f"| {r['class']} | {r['form']} | {r['seed']} | {r['mmd_ratio']:.2f} ({r['mmd_of_hulls']:.2f}) "
+            f"| {r['class']} | {r['form']} | {r['seed']} | {budget_of(r):g} "
+            f"| {r['mmd_ratio']:.2f} ({r['mmd_of_hulls']:.2f}) "
             f"| {r.get('mmd_ratio_new', math.nan):.2f} "
             f"| {r['cov_ratio']:.2f} ({r['cov_of_hulls']:.2f}) "
             f"| {r['in_one_piece']:.2f} | {views} | {ratio} | {r.get('verdict', '')} |"
         )
     return "\n".join(lines)
+
+
+def arm_of(row: dict[str, Any]) -> tuple[Any, ...]:
+    """Return what a result has in common with that of known views it is compared with."""
+    return tuple(row.get(name) for name in ("class", "seed", "budget", "shapes"))
 
 
 def main() -> None:
@@ -238,15 +247,17 @@ def main() -> None:
     torch.set_num_threads(1)
     if given.device == "cpu":
         count_cpu_seconds()
-    results = Results(given.out / "results.jsonl", ("class", "form", "seed"))
+    results = Results(given.out / "results.jsonl", ("class", "form", "seed", "budget", "shapes"))
     for seed in given.seeds:
         for name in given.classes:
             for form in given.forms:
-                if results.has(name, form, seed):
+                if results.has(name, form, seed, given.minutes, given.shapes):
                     continue
                 folder = prepare(name, given.data, given.out, given.shapes)
-                found = run_arm(name, form, seed, given.minutes, folder, given.out, given.device)
-                results.add({"class": name, "form": form, "seed": seed, **found})
+                called = name_of(name, given.shapes, form, given.minutes, seed)
+                found = run_arm(called, form, seed, given.minutes, folder, given.out, given.device)
+                about = {"class": name, "form": form, "seed": seed, "budget": given.minutes, "shapes": given.shapes}
+                results.add({**about, **found})
     print(table(results.rows))
 
 

@@ -8,17 +8,20 @@ Each arm trains `digits` on one thread for some minutes of CPU time, so that it 
     direct     on the images themselves
     known      on lines of known direction
     predicted  on lines of unknown direction
-    anchored   the same, beside 50 lines of other images with their angles (--anchors)
+    anchored   the same, beside 50 lines of other images with their angles (--anchors): training images that no arm is
+               trained on or scored with
     learned    only the distribution of directions is estimated; single: one discriminator for all lines
 
 10,000 images are scored against the 10,000 test images, upright and up to the turn of each, and so are 10,000 training
 images. Where directions are unknown, the gauge is chosen on training images. A line of JSON an arm is written to
-OUT/results.jsonl, an arm that is there is left out; OUT/ARM-SEED.png has sixty images, none chosen, after their gauge.
+OUT/results.jsonl, an arm that is there with the same minutes is left out; OUT/ARM-MINUTES-SEED.png has sixty images,
+none chosen, after their gauge.
 """
 
 from __future__ import annotations
 
 import argparse
+import gzip
 import json
 import math
 from collections.abc import Sequence
@@ -28,11 +31,12 @@ from typing import Any
 import numpy as np
 import torch
 from any_class import trained
-from results import Results, count_cpu_seconds
+from results import Results, budget_of, count_cpu_seconds
 from torch import Tensor
 
 import unproject as up
 from unproject.data import Collection
+from unproject.data.readers.arrays import read_idx
 from unproject.data.sampling import spread_rows
 from unproject.metrics import Gauge, apply_to_images, image_scores, turned_scores
 from unproject.projections.line_integral import directions
@@ -43,27 +47,34 @@ SIZE, SCORED, FINER, ANCHORS = 32, 10_000, 2, 50
 SHOWN = ("frechet", "recall", "frechet_turned", "precision_turned", "recall_turned")
 
 
-def anchors_of(test: Tensor, out: Path) -> Path:
-    """Write lines of images that no arm trains on, with their angles; return the file."""
-    path = out / "anchors.npz"
-    if not path.exists():
-        some = Collection(test[spread_rows(len(test), ANCHORS)])
+def set_apart(pictures: Path, out: Path) -> tuple[Path, Path]:
+    """Write all but fifty of the training images, and lines of these fifty with their angles; return both files."""
+    rest, anchors = out / f"training-{pictures.name}", out / "training-anchors.npz"
+    if not anchors.exists():
+        images = read_idx(pictures)
+        rows = spread_rows(len(images), ANCHORS)
+        kept = np.delete(images, rows.numpy(), axis=0)
+        head = bytes([0, 0, 8, 3]) + np.array(kept.shape, ">u4").tobytes()
+        rest.write_bytes(gzip.compress(head + kept.tobytes(), 1))
+        some = Collection(Collection.images(pictures, SIZE).batch(rows))
         seen = up.data.observe(some, directions(10, math.radians(2.5)), seed=11)
-        np.savez(path, lines=seen.items[:, 0].numpy(), angle=(seen.latents or {})["angle"].numpy())
-    return path
+        np.savez(anchors, lines=seen.items[:, 0].numpy(), angle=(seen.latents or {})["angle"].numpy())
+    return rest, anchors
 
 
 def run_arm(arm: str, seed: int, options: argparse.Namespace, training: Tensor, test: Tensor) -> dict[str, Any]:
     """Train and score one arm."""
-    flags: dict[str, Any] = {"data": options.data / f"{PARTS[0]}-images-idx3-ubyte.gz", "minutes": options.minutes}
-    anchors = {"anchors": anchors_of(test, options.out)} if arm == "anchored" else {}
+    data, apart = set_apart(options.data / TRAINING, options.out)
+    flags: dict[str, Any] = {"data": data, "minutes": options.minutes}
+    anchors = {"anchors": apart} if arm == "anchored" else {}
+    called = f"{arm}-{options.minutes:g}-{seed}"
     views = "predicted" if arm == "anchored" else arm
     recipe = up.recipes.find("digits")(views=views, seed=seed, **flags, **anchors)
-    run, found = trained(recipe, options.out / "runs" / f"{arm}-{seed}")
+    run, found = trained(recipe, options.out / "runs" / called)
     states = run.assignments()
     turns = turns_of(run.domain, states) if arm not in ("direct", "anchored") else None
     images, scores = scored(run.sample(SCORED, seed), training, test, turns and turns * FINER, seed)
-    up.export.silhouette_sheet(images[:60], columns=10, scale=2).save(options.out / f"{arm}-{seed}.png")
+    up.export.silhouette_sheet(images[:60], columns=10, scale=2).save(options.out / f"{called}.png")
     true = true_views(states[0].panel) if views == "predicted" else None
     if true is not None:
         panel = states[0].panel
@@ -98,21 +109,25 @@ def ceiling(run: up.Run, recipe: up.Recipe, out: Path, true: Tensor) -> dict[str
 
 
 def table(results: Sequence[dict[str, Any]]) -> str:
-    """Return the results as a Markdown table; in brackets, how many times the direct arm's of the same seed."""
-    direct = {r["seed"]: r for r in results if r["arm"] == "direct"}
+    """Return the results as a Markdown table; in brackets, how many times the direct arm's, of one seed and budget."""
+    direct = {(r["seed"], r.get("budget")): r for r in results if r["arm"] == "direct"}
     lines = [
-        "| arm | seed | steps | " + " | ".join(SHOWN) + " | views, of the ceiling, also up to mirror images |",
-        "|---" * (len(SHOWN) + 4) + "|",
+        "| arm | seed | minutes | steps | "
+        + " | ".join(SHOWN)
+        + " | views, of the ceiling, also up to mirror images |",
+        "|---" * (len(SHOWN) + 5) + "|",
     ]
-    for r in sorted(results, key=lambda r: ((*ARMS, "training set").index(r["arm"]), r["seed"])):
-        base = direct.get(r["seed"])
+    for r in sorted(results, key=lambda r: ((*ARMS, "training set").index(r["arm"]), r["seed"], budget_of(r))):
+        base = direct.get((r["seed"], r.get("budget")))
         cells = [f"{r[name]:.3g}" + (f" ({r[name] / base[name]:.2f}×)" if base else "") for name in SHOWN]
         views = ", ".join(f"{r[name]:.2f}" for name in ("views_of_ceiling", "views_mirrored_of_ceiling") if name in r)
-        lines.append(f"| {r['arm']} | {r['seed']} | {r.get('steps', '')} | {' | '.join(cells)} | {views} |")
+        budget = f"{budget_of(r):g} | {r['steps']}" if "steps" in r else " | "  # the training set was not trained
+        about = f"| {r['arm']} | {r['seed']} | {budget}"
+        lines.append(f"{about} | {' | '.join(cells)} | {views} |")
     return "\n".join(lines)
 
 
-PARTS = ("train", "t10k")
+TRAINING, TEST = (f"{part}-images-idx3-ubyte.gz" for part in ("train", "t10k"))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -125,13 +140,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     torch.set_num_threads(1)
     count_cpu_seconds()
-    results = Results(options.out / "results.jsonl", ("arm", "seed"))
-    training, test = (Collection.images(options.data / f"{part}-images-idx3-ubyte.gz", SIZE).floats() for part in PARTS)
+    results = Results(options.out / "results.jsonl", ("arm", "seed", "budget"))
+    files = set_apart(options.data / TRAINING, options.out)[0], options.data / TEST
+    training, test = (Collection.images(file, SIZE).floats() for file in files)
     for seed in options.seeds:
         for arm in options.arms:
-            if not results.has(arm, seed):
-                results.add({"arm": arm, "seed": seed, **run_arm(arm, seed, options, training, test)})
-    if not results.has("training set", 0):
+            if not results.has(arm, seed, options.minutes):
+                about = {"arm": arm, "seed": seed, "budget": options.minutes}
+                results.add({**about, **run_arm(arm, seed, options, training, test)})
+    if not results.has("training set", 0, None):
         results.add({"arm": "training set", "seed": 0, **scored(training[:SCORED], training, test, None, 0)[1]})
     print(table(results.rows))
 

@@ -1,12 +1,13 @@
 """The image behind a few line integrals: `fit` against methods that learn nothing.
 
-    python benchmarks/fit_images.py --data FOLDER_OF_MNIST --run RESULTS/runs/known-0 --n 100 --out OUT
+    python benchmarks/fit_images.py --data FOLDER_OF_MNIST --run RESULTS/runs/known-20-0 --n 100 --out OUT
     python benchmarks/fit_images.py --data IMAGES.npz --run RUN --noise 0.02 --out OUT
 
 RUN was trained on line integrals, as those of digits.py were. The first n test images (of an .npz: the last n of its
-array x) are each seen along 3, 5 and 10 lines at known angles, evenly over half a turn, with noise in units of the
-largest reading. Columns, with the mean PSNR in dB, of digits also the share that a classifier takes for the right one
-(of the images themselves first), and fit's PSNR less that of others with its standard error:
+array x, but none of the first 20, on which others are tuned) are each seen along 3, 5 and 10 lines at known angles,
+evenly over half a turn, with noise in units of the largest reading. Columns, with the mean PSNR in dB, of digits also
+the share that a classifier takes for the right one (of the images themselves first), and fit's PSNR less that of others
+with its standard error:
 
     fit     the best explanation of `unproject fit`, with its default flags; mean: of all by weight
     sample  as the generator made it (--no-consistent)
@@ -184,7 +185,9 @@ def images_of(data: Path, n: int) -> tuple[Tensor, Tensor]:
     """Return 20 training images and n test images."""
     if data.suffix == ".npz":
         images = Collection.images(data, SIZE).floats()
-        return images[:TUNED], images[-n:]
+        if len(images) <= TUNED:
+            raise SystemExit(f"{data}: holds {len(images)} images, and the first {TUNED} are for tuning; give more")
+        return images[:TUNED], images[TUNED:][-n:]
     training, images = (Collection.images(data / f"{part}-images-idx3-ubyte.gz", SIZE) for part in ("train", "t10k"))
     return training.floats()[:TUNED], images.floats()[:n]
 

@@ -2,12 +2,13 @@
 
     python benchmarks/fit_shapes.py --data SHARED --runs RESULTS/runs --classes desk night_stand --n 50 --out OUT
 
-RESULTS are those of any_class.py: its runs on cropped silhouettes (CLASS-cropped-0) are given one cropped silhouette
-of each of n held-out shapes, at an unknown azimuth; its runs with known views (CLASS-known-0) four silhouettes as they
-are, at known azimuths. Scores are the mean IoU with the true shape at 32³, all at one size, in that one of four turns
-that is best for all shapes of a column together (the gauge of a run is free; training shapes need none), and their
-standard errors. COLUMN_new are those of shapes of which there is no copy among the training shapes (IoU above 0.9), as
-there is of some in ModelNet; COLUMN_hull those of visual hulls, which are all that level silhouettes tell of a shape:
+RESULTS are those of any_class.py, of its seed 0 and of --minutes and --shapes as given there: runs on cropped
+silhouettes are given one cropped silhouette of each of n held-out shapes, at an unknown azimuth; runs with known views
+four silhouettes as they are, at known azimuths. Scores are the mean IoU with the true shape at 32³, all at one size, in
+that one of four turns that is best for all shapes of a column together (the gauge of a run is free; training shapes
+need none), and their standard errors. COLUMN_new are those of shapes of which there is no copy among the training
+shapes (IoU above 0.9), as there is of some in ModelNet; COLUMN_hull those of visual hulls, which are all that level
+silhouettes tell of a shape:
 
     fit       the best explanation, and the mean of all by weight at ½
     sample    the best of 512 samples by the distance of silhouettes, over 64 azimuths (or those known)
@@ -16,7 +17,8 @@ there is of some in ModelNet; COLUMN_hull those of visual hulls, which are all t
     copied    the share of shapes of which there are copies
     kind      the share of silhouettes that are called of another kind, of this class and of birds
 
-A line of JSON a class and form is written to OUT/results.jsonl, a line that is there is left out.
+A line of JSON a class and form is written to OUT/results.jsonl; one that is there with the same minutes and shapes is
+left out.
 """
 
 from __future__ import annotations
@@ -106,7 +108,7 @@ def hulls(pictures: Tensor, azimuth: Tensor) -> Tensor:
 
 def scored(name: str, form: str, args: argparse.Namespace) -> dict[str, object]:
     """Return the scores of a class and form."""
-    run = up.load(args.runs / f"{name}-{form}-0")
+    run = up.load(args.runs / any_class.name_of(name, args.shapes, form, args.minutes, 0))
     train, test = any_class.volumes_of(name, args.data, args.shapes)
     true = halved(test[: args.n])
     rng = torch.Generator().manual_seed(5)
@@ -172,6 +174,7 @@ def main() -> None:
     parser.add_argument("--forms", nargs="+", default=["cropped"], choices=("cropped", "known"))
     parser.add_argument("--n", type=int, default=50)
     parser.add_argument("--shapes", type=int, default=any_class.SHAPES, help="training shapes of a class, at most")
+    parser.add_argument("--minutes", type=float, default=20.0, help="of the runs")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -179,9 +182,10 @@ def main() -> None:
     there = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     for name in args.classes:
         for form in args.forms:
-            if (name, form) in [(row["class"], row["form"]) for row in there]:
+            arm = {"class": name, "form": form, "budget": args.minutes, "shapes": args.shapes}
+            if any(row | arm == row for row in there):
                 continue
-            line = json.dumps(scored(name, form, args))
+            line = json.dumps(arm | scored(name, form, args))
             print(line, flush=True)
             with file.open("a") as out:
                 out.write(line + "\n")

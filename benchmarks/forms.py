@@ -13,7 +13,8 @@ folder given. It is scored by
     sides       median over samples of the longer over the shorter side of the plan: 1 if round
     verdict     which knows none of these
 
-A line of JSON an arm is written to RESULTS/results.jsonl and a sheet of twelve samples beside it.
+A line of JSON an arm is written to RESULTS/results.jsonl and a sheet of twelve samples beside it; an arm that is there
+with the same minutes is left out.
 """
 
 from __future__ import annotations
@@ -243,7 +244,8 @@ def run_arm(name: str, seed: int, minutes: float, flags: dict[str, Any], out: Pa
     """Train and score one arm."""
     folder = prepare(name, out)
     recipe = up.recipes.find("shapes")(data=folder / "cut-outs", seed=seed, minutes=minutes, **flags)
-    run, found = trained(recipe, out / "runs" / f"{name}-{label}-{seed}")
+    called = f"{name}-{label}-{minutes:g}-{seed}"
+    run, found = trained(recipe, out / "runs" / called)
     truth = torch.load(folder / "truth.pt")
     train, test = unit_sized(truth["train"]), unit_sized(truth["test"])
     x = run.sample(len(train), seed=1)
@@ -252,7 +254,7 @@ def run_arm(name: str, seed: int, minutes: float, flags: dict[str, Any], out: Pa
     scores = shape_scores(unit_sized(x), test, selection=train[:100], bins=BINS)
     own = shape_scores(train, test, bins=None)
     verdict = run.verdict()
-    up.export.contact_sheet(run.sample(12, seed=1), out / f"{name}-{label}-{seed}.png", size=80)
+    up.export.contact_sheet(run.sample(12, seed=1), out / f"{called}.png", size=80)
     return {
         **found,
         "mmd_ratio": scores["mmd_iou"].value / own["mmd_iou"].value,
@@ -276,12 +278,12 @@ def main() -> None:
     count_cpu_seconds()
     flags = {name: json.loads(value) for name, value in (flag.split("=") for flag in given.flags)}
     label = "-".join(given.flags) or "default"
-    results = Results(given.out / "results.jsonl", ("class", "flags", "seed"))
+    results = Results(given.out / "results.jsonl", ("class", "flags", "seed", "budget"))
     for seed in given.seeds:
         for name in given.classes:
-            if not results.has(name, label, seed):
+            if not results.has(name, label, seed, given.minutes):
                 found = run_arm(name, seed, given.minutes, flags, given.out, label)
-                results.add({"class": name, "flags": label, "seed": seed, **found})
+                results.add({"class": name, "flags": label, "seed": seed, "budget": given.minutes, **found})
 
 
 if __name__ == "__main__":

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -49,8 +50,15 @@ def minutes_of(run: Run) -> float:
     return round(max((line["seconds"] for line in run.stats()), default=0.0) / 60, 1)
 
 
+def budget_of(row: Mapping[str, Any]) -> float:
+    """Return the budget of a result in minutes; of those that do not say it, what they took."""
+    return row.get("budget", row.get("minutes", math.nan))
+
+
 class Results:
     """Results of arms, a line of JSON each: an arm that is there need not be run again.
+
+    A line that lacks a field of the key, as those of before it was one, is read, and is of no arm that is asked for.
 
     Args:
         path: results.jsonl; made with the first result.
@@ -65,7 +73,7 @@ class Results:
         )
 
     def has(self, *arm: object) -> bool:
-        return any(tuple(row[name] for name in self.key) == arm for row in self.rows)
+        return any(tuple(row.get(name) for name in self.key) == arm for row in self.rows)
 
     def add(self, row: dict[str, Any]) -> None:
         """Write a result with its origin, and show it."""

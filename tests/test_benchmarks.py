@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gzip
 import json
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 import torch
 
 import unproject as up
+from unproject.data import Collection
 from unproject.recipes.shapes import shapes
 from unproject.training.recorder import Recorder
 
@@ -114,8 +116,159 @@ def test_shares_of_a_step_are_taken_within_a_turn(named: object) -> None:
     slow = np.array([[1.0, 1.0], [1.0, 1.0], [9.0, 1.0]])  # other work, in one step
     assert step_cost.share(slow, np.full((3, 2), 0.9)) == pytest.approx(0.1)
     assert "spare 10.0% of a run" in table and "In float32 a step takes 3.750 s, 1.25 times the time" in table
-    silhouettes = step_cost.silhouette_table({"any": {"ratio": 12.0}, "tilted, any": {"ratio": 2.0}})
-    assert "12.0 times as fast | 15: MISSED" in silhouettes and "2.00 times the time | 3: met" in silhouettes
+    looks = {"tilted, any": 2.0, "photographs, absorption": 3.5}
+    aslant = {name: {"level_seconds": 1.0, "tilted_seconds": ratio, "ratio": ratio} for name, ratio in looks.items()}
+    silhouettes = step_cost.silhouette_table({"any": {"released_seconds": 12.0, "ratio": 12.0}, **aslant})
+    assert "12.0 times as fast | 15: MISSED" in silhouettes and "| tilted, any | level | 2.00 times the" in silhouettes
+    assert "| photographs, absorption | level | 3.50 times the time | 3: MISSED |" in silhouettes
+
+
+def test_mitsuba_sees_every_texel() -> None:
+    pytest.importorskip("mitsuba")
+    code = (
+        "import mitsuba as mi, numpy as np; mi.set_variant('scalar_rgb'); from mitsuba_speed import scene;"
+        "places = mi.load_dict({'type': 'aov', 'aovs': 'place:uv'});"
+        "seen = np.array(mi.render(scene(4, 3), integrator=places, spp=64))[..., :2];"
+        "print(len(np.unique(np.floor(seen * [12, 4]).reshape(-1, 2), axis=0)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=BENCHMARKS, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "48"
+
+
+def test_results_of_other_budgets_are_not_taken(named: object, tmp_path: Path) -> None:
+    results = named("results")  # type: ignore[operator]
+    (tmp_path / "results.jsonl").write_text(
+        '{"class": "bed", "seed": 0, "minutes": 19.9}\n'
+    )  # before budgets were kept
+    kept = results.Results(tmp_path / "results.jsonl", ("class", "seed", "budget"))
+    assert not kept.has("bed", 0, 20.0) and results.budget_of(kept.rows[0]) == 19.9
+    kept.add({"class": "bed", "seed": 0, "budget": 20.0, "minutes": 20.1})
+    again = results.Results(tmp_path / "results.jsonl", ("class", "seed", "budget"))
+    assert again.has("bed", 0, 20.0) and not again.has("bed", 0, 5.0)
+    assert [results.budget_of(row) for row in again.rows] == [19.9, 20.0]
+
+
+@pytest.mark.parametrize("name", ["any_class", "forms", "digits"])
+def test_arms_of_another_budget_are_trained(
+    name: str, named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module: ModuleType = named(name)  # type: ignore[operator]
+    taken: list[object] = []
+    scores = dict.fromkeys(("mmd_ratio", "mmd_of_hulls", "cov_ratio", "cov_of_hulls", "in_one_piece", "mmd"), 1.0)
+    scores |= dict.fromkeys(("frechet", "recall", "frechet_turned", "precision_turned", "recall_turned"), 1.0)
+    monkeypatch.setattr(module, "run_arm", lambda *arm: taken.append(arm) or scores)
+    monkeypatch.setattr(module, "count_cpu_seconds", lambda: None)
+    monkeypatch.setattr(module, "prepare", lambda *about: tmp_path, raising=False)
+    words = ["--out", str(tmp_path / "out"), "--seeds", "0"]
+    words += {"any_class": ["--classes", "bed", "--forms", "known"], "forms": ["--classes", "mug"], "digits": []}[name]
+    if name == "digits":
+        mnist(tmp_path, 60)
+        monkeypatch.setattr(module, "scored", lambda *_: (None, scores))
+        words += ["--arms", "direct"]
+    words += [] if name == "forms" else ["--data", str(tmp_path)]
+    budgets = [["--minutes", "1"], ["--minutes", "2"], ["--minutes", "1"]]
+    budgets += [["--minutes", "1", "--shapes", "7"]] if name == "any_class" else []
+    for budget in budgets:
+        monkeypatch.setattr(sys, "argv", [name, *words, *budget])
+        module.main()
+    assert len(taken) == len(budgets) - 1
+    rows = [json.loads(line) for line in (tmp_path / "out" / "results.jsonl").read_text().splitlines()]
+    assert [row["budget"] for row in rows if row.get("budget")][:2] == [1.0, 2.0]
+    assert name == "forms" or capsys.readouterr().out.count("| 2 |")
+
+
+def test_pictures_of_other_numbers_of_shapes_lie_apart(
+    named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    any_class = named("any_class")  # type: ignore[operator]
+    volumes = up.data.chairs(8, any_class.RENDERED)
+    monkeypatch.setattr(any_class, "volumes_of", lambda name, data, shapes: (volumes[:shapes], volumes[6:]))
+    folders = [any_class.prepare("chair", tmp_path, tmp_path, shapes) for shapes in (2, 3)]
+    assert [len(torch.load(folder / "truth.pt")["train"]) for folder in folders] == [2, 3]
+    names = {any_class.name_of("chair", shapes, "known", minutes, 0) for shapes in (2, 3) for minutes in (5.0, 20.0)}
+    assert len(names) == 4
+
+
+def mnist(folder: Path, count: int) -> np.ndarray:
+    """Write idx files of pictures that are all different, and return those of training."""
+    rng = np.random.default_rng(0)
+    made = [rng.integers(0, 256, (count, 28, 28), dtype=np.uint8) for _ in range(2)]
+    for part, pictures in zip(("train", "t10k"), made, strict=True):
+        head = bytes([0, 0, 8, 3]) + np.array(pictures.shape, ">u4").tobytes()
+        (folder / f"{part}-images-idx3-ubyte.gz").write_bytes(gzip.compress(head + pictures.tobytes()))
+    return made[0]
+
+
+def test_anchors_are_neither_trained_on_nor_scored_with(named: object, tmp_path: Path) -> None:
+    digits = named("digits")  # type: ignore[operator]
+    images = mnist(tmp_path, 70)
+    rest, anchors = digits.set_apart(tmp_path / digits.TRAINING, tmp_path)
+    assert digits.set_apart(tmp_path / digits.TRAINING, tmp_path) == (rest, anchors)
+    kept = digits.read_idx(rest)
+    every, trained = {image.tobytes() for image in images}, {image.tobytes() for image in kept}
+    assert len(kept) == 20 and trained < every
+    apart = Collection.images(tmp_path / digits.TRAINING, digits.SIZE).floats()[
+        [k for k, image in enumerate(images) if image.tobytes() not in trained]
+    ]
+    with np.load(anchors) as stored:
+        angle, lines = torch.from_numpy(stored["angle"]), torch.from_numpy(stored["lines"])
+    assert torch.allclose(up.LineIntegral(digits.SIZE)(apart, angle=angle)[:, 0], lines, atol=1e-5)
+
+
+def test_images_that_others_are_tuned_on_are_not_scored(named: object, tmp_path: Path) -> None:
+    fit_images = named("fit_images")  # type: ignore[operator]
+    x = np.arange(80, dtype=np.uint8)[:, None, None] * np.ones((1, 32, 32), np.uint8)
+    np.savez(tmp_path / "x.npz", x=x)
+    for n, first in ((60, 20), (100, 20), (10, 70)):
+        tuned, scored = fit_images.images_of(tmp_path / "x.npz", n)
+        assert (tuned.amax((1, 2, 3)) * 255).round().tolist() == list(range(20))
+        assert (scored.amax((1, 2, 3)) * 255).round().tolist() == list(range(first, 80))
+    np.savez(tmp_path / "few.npz", x=x[:20])
+    with pytest.raises(SystemExit, match="holds 20 images"):
+        fit_images.images_of(tmp_path / "few.npz", 5)
+
+
+def test_birds_leave_no_masks_among_their_results(
+    named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    birds = named("birds")  # type: ignore[operator]
+    less = {"size": 16, "bins": 4, "channels": 8, "rank": 2, "rounds": 1, "batch": 8, "steps": 1}
+    monkeypatch.setattr(birds, "shapes", lambda **flags: shapes(data=flags["data"], **less))
+    np.savez(tmp_path / "masks.npz", sil=discs(24))
+    words = ["--data", str(tmp_path / "masks.npz"), "--runs", str(tmp_path / "run"), "--out", str(tmp_path / "out")]
+    birds.main([*words, "--size", "16"])
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"shapes.webp", "birds.json"}
+    assert not [path for path in (tmp_path / "run").rglob("*views*") if path.suffix in (".webp", ".png")]
+
+
+@pytest.fixture
+def loss_logs(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(BENCHMARKS.parent / "tools"))
+    return import_module("loss_logs")
+
+
+def test_loss_logs_are_compared_if_there_are_any(
+    loss_logs: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, after = tmp_path / "before", tmp_path / "after"
+    assert loss_logs.compare(before, after) == 1 and "hold no logs" in capsys.readouterr().out
+    for folder in (before, after):
+        folder.mkdir()
+        (folder / "digits-0.jsonl").write_text("{}")
+    assert loss_logs.compare(before, after) == 0
+    (after / "wood-0.jsonl").write_text("{}")
+    assert loss_logs.compare(before, after) == 1
+    assert f"wood-0: MISSING in {before}" in capsys.readouterr().out
+    (before / "wood-0.jsonl").write_text("[]")
+    assert loss_logs.compare(before, after) == 1 and "wood-0: DIFFERENT" in capsys.readouterr().out
+
+
+def test_trainings_that_fail_are_counted(
+    loss_logs: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(loss_logs, "ARMS", {"digits": "", "wood": ""})
+    monkeypatch.setattr(loss_logs, "train", lambda folder, name, seed: "killed" if name == "wood" else "")
+    assert loss_logs.record(tmp_path) == 2 and "wood-1: killed" in capsys.readouterr().out
 
 
 def discs(count: int) -> np.ndarray:
@@ -180,7 +333,7 @@ def test_minutes_hold_masks_out_and_draw_curves(named: object, small: None, tmp_
 
 def test_minutes_train_on_volumes_and_silhouettes(named: object, small: None, tmp_path: Path) -> None:
     minutes = named("minutes")  # type: ignore[operator]
-    folder, x = tmp_path / "data" / "chair", up.data.chairs(12, 32)
+    folder, x = tmp_path / "data" / "chair-200", up.data.chairs(12, 32)
     folder.mkdir(parents=True)
     torch.save({"azimuth": torch.linspace(0, 6, 24), "train": x[:8], "test": x[8:]}, folder / "truth.pt")
     np.savez(folder / "plain.npz", sil=discs(24))

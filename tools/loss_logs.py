@@ -6,7 +6,8 @@
 
 `record` trains every recipe for 60 steps, seeds 0 and 1, with one thread, and keeps of each run the lines of
 stats.jsonl without the seconds, and a digest of the averaged weights. The paper's recipes are narrow, as in the cpu
-budget of `unproject reproduce`: at full width they would take hours.
+budget of `unproject reproduce`: at full width they would take hours. Exit status: 0 if all were trained, and if logs
+were compared that are all the same and in both folders; else 1.
 """
 
 from __future__ import annotations
@@ -55,12 +56,16 @@ ARMS = {
 }
 
 
-def record(folder: Path) -> None:
+def record(folder: Path) -> int:
+    """How many trainings failed; each is named."""
     folder.mkdir(parents=True, exist_ok=True)
     jobs = [(name, seed) for name in ARMS for seed in SEEDS if not (folder / f"{name}-{seed}.jsonl").exists()]
+    failed = 0
     with ThreadPoolExecutor(2) as pool:
         for (name, seed), trouble in zip(jobs, pool.map(lambda job: train(folder, *job), jobs)):
+            failed += bool(trouble)
             print(f"{name}-{seed}: {trouble or 'recorded'}", flush=True)
+    return failed
 
 
 def train(folder: Path, name: str, seed: int) -> str:
@@ -91,15 +96,17 @@ def log_of(run: Path) -> str:
 
 
 def compare(before: Path, after: Path) -> int:
-    """How many logs differ; each is named."""
+    """How many logs differ or are in one folder alone, each is named; 1 if there are none to compare."""
+    names = sorted({path.name for folder in (before, after) for path in folder.glob("*.jsonl")})
     different = 0
-    for path in sorted(before.glob("*.jsonl")):
-        other = after / path.name
-        same = other.exists() and renamed(other) == renamed(path)
+    for name in names:
+        missing = [folder for folder in (before, after) if not (folder / name).exists()]
+        same = not missing and renamed(before / name) == renamed(after / name)
         different += not same
-        print(f"{path.stem}: {'identical' if same else 'DIFFERENT' if other.exists() else 'MISSING'}")
-    print(f"{different} differ")
-    return different
+        found = f"MISSING in {missing[0]}" if missing else "identical" if same else "DIFFERENT"
+        print(f"{name.removesuffix('.jsonl')}: {found}")
+    print(f"{different} differ" if names else f"{before} and {after} hold no logs")
+    return different if names else 1
 
 
 def renamed(log: Path) -> str:
@@ -112,4 +119,4 @@ def renamed(log: Path) -> str:
 
 if __name__ == "__main__":
     action, *folders = sys.argv[1:]
-    sys.exit(record(Path(folders[0])) if action == "record" else compare(*map(Path, folders)))
+    sys.exit(bool(record(Path(folders[0])) if action == "record" else compare(*map(Path, folders))))
