@@ -157,6 +157,20 @@ def test_a_run_that_is_being_written_is_followed(tab: Tab, folder: Path) -> None
     assert tab.page.is_hidden(".remarks") and "not finished" not in tab.page.inner_text("#panel")
 
 
+@pytest.mark.parametrize("kind, links", [("maps", ["explore", "materials", "collections", "fit"]), ("", ["explore"])])
+def test_a_run_has_links_to_the_panels_that_show_it(tab: Tab, kind: str, links: list[str]) -> None:
+    """A run of a domain of one's own can be explored too."""
+
+    def answer(route: Any) -> None:
+        route.fulfill(json={**route.fetch().json(), "kind": kind})
+
+    tab.page.route("**/api/run?*", answer)
+    tab.go("runs?run=wood")
+    tab.page.wait_for_selector(".links a")
+    found = [link.get_attribute("href") for link in tab.page.locator(".links a").all()]
+    assert found == [f"#/{panel}?run=wood" for panel in links]
+
+
 @pytest.fixture
 def another(folder: Path) -> Iterator[Callable[..., Path]]:
     """Makes a copy of a run, less some of its files, which is gone after the test."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import http.client
+import json
+import os
 import shutil
 import socket
 import subprocess
@@ -18,6 +20,9 @@ import pytest
 
 from unproject._types import UserError
 from unproject.cli import main
+from unproject.report import write_report
+from unproject.report.contents import read_contents
+from unproject.report.sections import curves_section
 from unproject.studio import Studio
 from unproject.studio.answers import Busy
 from unproject.studio.guard import Guard
@@ -221,6 +226,77 @@ def test_a_broken_run_says_so_and_hides_no_other(runs: Path, tmp_path: Path, sai
     assert "damaged" in by_name["toy"]["said"]
     assert "There is no checkpoint yet" in by_name["log"]["unfinished"]
     assert said(state, "/api/run", run="toy")[0] == 400
+
+
+BAD_RECIPES = {
+    "steps of hundreds of digits": {"steps": 10**400},
+    "panels that are a number": {"panels": 3},
+    "an observation that is a number": {"panels": [{"observations": [7]}]},
+    "observations that are a number": {"panels": [{"observations": 7}]},
+    "an observation without projection": {"panels": [{"observations": [{"name": 1}]}]},
+    "a projection that is a number": {"panels": [{"observations": [{"name": "a", "projection": 7}]}]},
+}
+
+
+@pytest.mark.parametrize("wrong", BAD_RECIPES.values(), ids=list(BAD_RECIPES))
+def test_a_recipe_may_say_anything(runs: Path, tmp_path: Path, said: Said, wrong: dict[str, object]) -> None:
+    shutil.copytree(runs / "toy", tmp_path / "wrong")
+    recipe = json.loads((tmp_path / "wrong" / "recipe.json").read_text())
+    (tmp_path / "wrong" / "recipe.json").write_text(json.dumps(recipe | {"resolved": {**recipe["resolved"], **wrong}}))
+    for path in ("/api/runs", "/api/run", "/api/newest", "/api/kinds"):
+        assert said(State(tmp_path), path, run="wrong")[0] == 200
+    assert write_report(tmp_path / "wrong", data=False).is_file()
+
+
+def test_a_run_that_cannot_be_read_for_whatever_reason_hides_no_other(
+    runs: Path, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("one", "two"):
+        shutil.copytree(runs / "toy", tmp_path / name)
+
+    def read(path: Path, *log: object) -> Any:
+        return {}[path.name] if path.name == "one" else read_contents(path)
+
+    monkeypatch.setattr("unproject.studio.runs.read_contents", read)
+    status, found = said(State(tmp_path), "/api/runs")
+    by_name = {run["name"]: run for run in found["runs"]}
+    assert status == 200 and by_name["two"]["step"] == 2 and by_name["one"]["said"] == "damaged (KeyError: 'one')"
+    status, found = said(State(tmp_path), "/api/run", run="one")
+    assert (status, found["error"]) == (400, "damaged (KeyError: 'one')")
+
+
+# Watching
+
+
+def test_watching_a_run_reads_and_draws_what_is_new_alone(
+    runs: Path, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(runs / "toy", tmp_path / "toy")
+    log, line = tmp_path / "toy" / "stats.jsonl", {"step": 1, "seconds": 1.0, "loss_d": 0.5}
+    log.write_text("".join(json.dumps(line | {"step": k}) + "\n" for k in range(1000)))
+    counted = {"lines": 0, "curves": 0}
+    loads, curves = json.loads, curves_section
+
+    def parsed(text: Any) -> Any:
+        counted["lines"] += 1
+        return loads(text)
+
+    def drawn(contents: Any) -> str:
+        counted["curves"] += 1
+        return curves(contents)
+
+    monkeypatch.setattr("unproject.report.log.json.loads", parsed)
+    monkeypatch.setattr("unproject.studio.runs.curves_section", drawn)
+    state = State(tmp_path)
+    with lock.locked(tmp_path / "toy"):
+        for extra in range(1, 5):
+            for path in ("/api/runs", "/api/newest", "/api/run", "/api/run"):
+                assert said(state, path, run="toy")[0] == 200
+            with log.open("a") as stream:
+                stream.write(json.dumps(line | {"step": 1000 + extra}) + "\n")
+            os.utime(log, (time.time() + extra, time.time() + extra))
+        assert said(state, "/api/newest", run="toy")[1]["trained"] == 1004
+    assert counted["curves"] <= 2 and counted["lines"] < 1200
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

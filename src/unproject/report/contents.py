@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shlex
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -12,9 +11,10 @@ from typing import Any
 
 from .._objects import import_name
 from ..domains import BUILT_IN
-from ..training.budget import progress_of
+from ..training.budget import number, progress_of
 from ..training.checkpoint import newest_step, step_of
 from ..training.run_directory import VERDICT, read_recipe
+from .log import Log
 
 DAMAGED = "damaged or missing"
 NEARLY = 0.9
@@ -112,8 +112,11 @@ class Contents:
         return " ".join([first, *(shlex.quote(str(word)) for word in words[1:])])
 
 
-def read_contents(path: Path) -> Contents:
+def read_contents(path: Path, log: Log | None = None) -> Contents:
     """Read the files of a run.
+
+    Args:
+        log: its log, if it has been read before: what was read is not read again.
 
     Raises:
         UserError: if `path` is no run, or its recipe.json is damaged.
@@ -130,16 +133,8 @@ def read_contents(path: Path) -> Contents:
     if judged is not None and judged != step:  # training was killed before it had removed the verdict of before
         remarks.append(f"{VERDICT} is on step {judged:.0f}, not on {step}: `unproject evaluate` judges the run again.")
         verdict = None
-    return Contents(path, recipe, environment, _lines(path, remarks), verdict, _previews(path), step, remarks)
-
-
-def number(value: Any) -> float | None:
-    """Return a finite number as a float, and None of anything else."""
-    fits = isinstance(value, (int, float)) and not isinstance(value, bool)
-    try:
-        return float(value) if fits and math.isfinite(value) else None
-    except OverflowError:  # an integer of hundreds of digits
-        return None
+    lines = _lines(log or Log(path / "stats.jsonl"), remarks)
+    return Contents(path, recipe, environment, lines, verdict, _previews(path), step, remarks)
 
 
 def _object(file: Path, remarks: list[str]) -> dict[str, Any] | None:
@@ -153,24 +148,14 @@ def _object(file: Path, remarks: list[str]) -> dict[str, Any] | None:
     return None
 
 
-def _lines(path: Path, remarks: list[str]) -> list[dict[str, Any]]:
+def _lines(log: Log, remarks: list[str]) -> list[dict[str, Any]]:
     try:
-        texts = (path / "stats.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
+        lines, damaged = log.read()
     except OSError:
         remarks.append(f"stats.jsonl is {DAMAGED}: there are no curves.")
         return []
-    lines, damaged = [], 0
-    for text in texts:
-        try:
-            line = json.loads(text)
-        except (ValueError, RecursionError):
-            line = None
-        if isinstance(line, dict) and number(line.get("step")) is not None:
-            lines.append(line)
-        else:
-            damaged += 1
     if damaged:
-        remarks.append(f"{damaged} of {len(texts)} lines of stats.jsonl are damaged and left out.")
+        remarks.append(f"{damaged} of {len(lines) + damaged} lines of stats.jsonl are damaged and left out.")
     return lines
 
 

@@ -33,8 +33,7 @@ IDENTITY = "unproject.projections.base:Identity"
 def show_kinds(state: State, request: Request) -> Answer:
     """Answer with the kinds of pictures that a run can explain, by its recipe.json: nothing is computed."""
     contents = read_contents(state.folder.run(request.text("run")))
-    panels = [panel for panel in contents.recipe["resolved"].get("panels") or () if isinstance(panel, dict)]
-    kinds = [_kind(panel) for panel in panels]
+    kinds = [_kind(panel) for panel in _objects(contents.recipe["resolved"].get("panels"))]
     different = [kinds[row][1] for row in different_kinds([(projection, set(names)) for projection, names in kinds])]
     several = [name for names in different for name in names] if len(different) > 1 else []
     own = any(names for _, names in kinds)
@@ -44,8 +43,14 @@ def show_kinds(state: State, request: Request) -> Answer:
 
 def _kind(panel: dict[str, Any]) -> tuple[Any, list[str]]:
     """Return the described projection of a panel, and the names of its observations but for the samples themselves."""
-    found = [o for o in panel.get("observations") or () if o["projection"].get("type") != IDENTITY]
-    return found[0]["projection"] if found else None, [str(o["name"]) for o in found]
+    found = [o for o in _objects(panel.get("observations")) if isinstance(o.get("projection"), dict)]
+    found = [o for o in found if o["projection"].get("type") != IDENTITY]
+    return found[0]["projection"] if found else None, [str(o.get("name")) for o in found]
+
+
+def _objects(given: Any) -> list[dict[str, Any]]:
+    """Return the objects of a list of recipe.json, which may be damaged."""
+    return [one for one in given if isinstance(one, dict)] if isinstance(given, list) else []
 
 
 def begin_fit(state: State, request: Request) -> Answer:

@@ -12,7 +12,8 @@ from PIL import Image
 
 from .._types import UserError
 from ..report import write_report
-from ..report.contents import number, read_contents
+from ..report.contents import Contents, number, read_contents
+from ..report.log import Log
 from ..report.sections import commands_section, curves_section, environment_section, verdict_section, views_section
 from ..training.checkpoint import why_unreadable
 from ..training.lock import is_locked
@@ -22,6 +23,8 @@ from .state import State
 
 STILL = 120.0
 """Seconds without a line in the log after which a run counts as stopped, where locks do not tell."""
+LOGS, ACROSS = 4, 400
+"""Runs whose logs are kept, and pixels across a chart of one."""
 THUMBNAIL = 240
 WEBP = "image/webp"
 
@@ -47,9 +50,12 @@ def _summary(state: State, name: str) -> dict[str, Any]:
     try:
         path = state.folder.run(name)
         changed = _changed(path)
-        return state.kept(("summary", name, changed), lambda: _read(path, name, changed), 4096)
+        return state.kept(("summary", name, changed), lambda: _read(state, path, name, changed), 4096)
     except (UserError, Missing, OSError) as error:
-        return {"name": name, "changed": 0.0, "said": " ".join(str(error).split()), "picture": None}
+        said = " ".join(str(error).split())
+    except Exception as error:  # the files of one run may hold anything, and hide no other
+        said = f"damaged ({type(error).__name__}: {error})"
+    return {"name": name, "changed": 0.0, "said": said, "picture": None}
 
 
 def _changed(path: Path) -> float:
@@ -58,8 +64,13 @@ def _changed(path: Path) -> float:
     return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
 
 
-def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
-    contents = read_contents(path)
+def _contents(state: State, path: Path, name: str) -> Contents:
+    """Return what the files of a run hold; of a log that was read before only what was added is read."""
+    return read_contents(path, state.kept(("log", name), lambda: Log(path / "stats.jsonl"), LOGS))
+
+
+def _read(state: State, path: Path, name: str, changed: float) -> dict[str, Any]:
+    contents = _contents(state, path, name)
     verdict = contents.verdict or {}
     resolved, unreadable = contents.recipe["resolved"], why_unreadable(path / "checkpoints")
     return {
@@ -86,27 +97,45 @@ def _read(path: Path, name: str, changed: float) -> dict[str, Any]:
 
 def show_run(state: State, request: Request) -> Answer:
     """Answer with one run as it is now: sections of its report, and the steps of which there are pictures."""
-    name = request.text("run")
-    path = state.folder.run(name)
-    summary = _summary(state, name)
-    contents = read_contents(path)
+    summary = _readable(state, request.text("run"))
     training = _trains(state, summary)
+    key = ("sections", summary["name"], summary["changed"], training)
+    told = state.kept(key, lambda: _sections(state, summary["name"], training), LOGS)
+    return tagged(of_json({**summary, "training": training, **told}), request)
+
+
+def _sections(state: State, name: str, training: bool) -> dict[str, Any]:
+    contents = _contents(state, state.folder.run(name), name)
     sections = {
         "verdict": verdict_section(contents, training),
-        "curves": curves_section(contents),
+        "curves": _curves(state, contents, name, training),
         "views": views_section(contents),
         "commands": commands_section(contents),
         "environment": environment_section(contents),
     }
-    steps = [step for step, _ in contents.previews]
-    return tagged(of_json({**summary, "training": training, "pictures": steps, "sections": sections}), request)
+    return {"pictures": [step for step, _ in contents.previews], "sections": sections}
+
+
+def _curves(state: State, contents: Contents, name: str, training: bool) -> str:
+    """Return the curves; while a run trains they are drawn anew once there is more than a pixel of them to draw."""
+    count = len(contents.lines)
+    drawn = count - count % (1 + count // ACROSS) if training else count
+    key = ("curves", name, drawn, training, str(contents.lines[drawn - 1 : drawn]))
+    return state.kept(key, lambda: curves_section(contents), LOGS)
+
+
+def _readable(state: State, name: str) -> dict[str, Any]:
+    """Return what is known of a run. Raises UserError if it cannot be read."""
+    state.folder.run(name)
+    summary = _summary(state, name)
+    if "kind" not in summary:
+        raise UserError(summary["said"])
+    return summary
 
 
 def newest(state: State, request: Request) -> Answer:
     """Answer with what a run makes, how far it is and of which step its newest weights are."""
-    summary = _summary(state, request.text("run"))
-    if "kind" not in summary:  # it cannot be read
-        raise UserError(summary["said"])
+    summary = _readable(state, request.text("run"))
     told = {name: summary[name] for name in ("kind", "step", "trained", "first", "unfinished")}
     return of_json({**told, "training": _trains(state, summary)})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -37,4 +38,13 @@ def store_budget(path: Path, recipe: Recipe) -> None:
 
 
 def _positive(value: object) -> float:
-    return float(value) if isinstance(value, int | float) and value > 0 else 0.0
+    return max(number(value) or 0.0, 0.0)
+
+
+def number(value: Any) -> float | None:
+    """Return a finite number of a file as a float, and None of anything else."""
+    fits = isinstance(value, (int, float)) and not isinstance(value, bool)
+    try:
+        return float(value) if fits and math.isfinite(value) else None
+    except OverflowError:  # an integer of hundreds of digits
+        return None

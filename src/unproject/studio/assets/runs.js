@@ -129,9 +129,9 @@ function copies(button) {
   };
 }
 
-const FOR = { volumes: ["explore", "collections", "fit"], images: ["explore", "collections", "fit"], maps: ["explore", "materials", "fit"] };
+const FOR = { volumes: ["explore", "collections", "fit"], images: ["explore", "collections", "fit"], maps: ["explore", "materials", "collections", "fit"] };
 const SAYS = { explore: "Explore its samples", collections: "Its pictures and views", materials: "Light its materials", fit: "Fit a picture" };
 
 function linksOf(run) {
-  return run.step ? (FOR[run.kind] || []).map((panel) => make("a", { href: link(panel, { run: run.name }) }, SAYS[panel])) : [];
+  return run.step ? (FOR[run.kind] || ["explore"]).map((panel) => make("a", { href: link(panel, { run: run.name }) }, SAYS[panel])) : [];
 }
