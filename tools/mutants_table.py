@@ -2564,7 +2564,7 @@ TRAINING = (
     ),
     mutant(
         "studio: elevations below the horizon become 345 degrees",
-        "studio/collections.py",
+        "studio/corrections.py",
         'return found | {"azimuth": found["azimuth"] % 360} if "azimuth" in found else found',
         "return {name: angle % 360 for name, angle in found.items()}",
         "studio/test_collections.py",
@@ -5460,6 +5460,23 @@ FINDINGS = (
     mutant("studio: curves are drawn anew for each line", "studio/runs.py",
         "count - count % (1 + count // ACROSS) if training else count", "count",
         "studio/test_server.py::test_watching_a_run_reads_and_draws_what_is_new_alone"),
+    mutant("studio: views that differ after more training are corrections", "studio/corrections.py",
+        "if not file.is_file() or outdated(run):", "if not file.is_file():",
+        "studio/test_collections.py::test_corrections_of_a_version_before_are_read_as_long_as_they_can_be_told"),
+    mutant("studio: the present views are stored as corrections", "studio/collections.py",
+        "store(state.folder.run(asked.text(\"run\")), corrected,",
+        "store(state.folder.run(asked.text(\"run\")), dict(zip(chosen.names, _with(chosen, corrected).tolist())),",
+        "studio/test_collections.py::test_one_correction_stays_one_when_training_goes_on"),
+    mutant("studio: corrections of one panel end those of another", "studio/corrections.py",
+        " + _others(run / CORRECTIONS, names)", "",
+        "studio/test_collections.py::test_corrections_of_other_panels_are_kept"),
+    mutant("studio: pictures that were given no view have the first one", "studio/collections.py",
+        "if p is None and not state.fixes_gauge:", "if False:",
+        "studio/test_collections.py::test_views_that_no_picture_was_given_are_not_shown",
+        "studio/test_collections.py::test_pictures_without_views_have_no_table_and_no_corrections"),
+    mutant("studio: a mirror image can be corrected, in vain", "studio/collections.py",
+        " if not name.endswith(FLIPPED)]", "]",
+        "studio/test_collections.py::test_mirror_images_are_not_listed"),
 )  # fmt: skip
 
 GIVEN_AWAY = (

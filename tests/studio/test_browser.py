@@ -329,9 +329,22 @@ def test_a_view_is_corrected_by_dragging(tab: Tab, folder: Path) -> None:
     labels = tab.page.locator(".views button > span:first-child").all_inner_texts()
     other = next(k for k, label in enumerate(labels, 1) if not shown.strip().startswith(f"{label} "))  # after "all"
     tab.page.drag_and_drop(".pictures button >> nth=0", f".views button >> nth={other}")
-    tab.until("Saved in")
-    assert (folder / "chairs" / "views.csv").read_text().startswith("file,azimuth")
+    tab.until("Saved.")
+    assert (folder / "chairs" / "corrections.csv").read_text().startswith("file,azimuth")
     tab.until("1 corrected")
+    with tab.page.expect_download() as told:
+        tab.page.click("button:text-is('Download views.csv')")
+    assert told.value.suggested_filename == "views.csv"
+
+
+def test_pictures_without_views_have_none_to_choose(tab: Tab) -> None:
+    none = {"views": "none", "labels": [], "counts": [], "correctable": False}
+    tab.page.route("**/api/collection?*", lambda route: route.fulfill(json={**route.fetch().json(), **none}))
+    tab.go("collections?run=chairs")
+    tab.until("pictures, without views")
+    tab.page.wait_for_selector(".pictures button:disabled")
+    assert tab.page.is_hidden(".views") and tab.page.is_hidden("button:text-is('Download views.csv')")
+    assert "undefined" not in tab.page.inner_text("#panel")
 
 
 def test_what_was_opened_before_an_answer_came_stays_open(tab: Tab) -> None:

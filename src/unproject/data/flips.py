@@ -7,6 +7,7 @@ from torch import Tensor
 
 from .._types import UserError
 from .collection import Collection
+from .splitting import FLIPPED
 
 SIGNS = {"azimuth": -1.0, "elevation": 1.0}
 
@@ -27,7 +28,7 @@ def with_flips(collection: Collection) -> Collection:
     is_picture = items.shape[1] != items.shape[3]
     return Collection(
         _paired(items, items.flip(3 if is_picture else 1)),
-        names=[paired for name in collection.names for paired in (name, f"{name} flipped")],
+        names=[paired for name in collection.names for paired in (name, name + FLIPPED)],
         latents=_flipped_views(collection),
         skipped=collection.skipped,
         source=collection.source,

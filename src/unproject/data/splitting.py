@@ -11,6 +11,8 @@ from torch import Tensor
 from .._random import generator_at
 from .._types import UserError
 
+FLIPPED = " flipped"
+"""How the name of a mirror image ends."""
 MIN_GROUPS = 8
 """Groups that are held out at least; of few groups a quarter."""
 MAX_NEIGHBOURS = 16
@@ -45,7 +47,7 @@ def groups(names: Sequence[str], share: float) -> Tensor:
         shapes = [RENDERED.sub("", name) for name in names]
         number = {shape: i for i, shape in enumerate(dict.fromkeys(shapes))}
         return torch.tensor([number[shape] for shape in shapes])
-    own = [name.removesuffix(" flipped") for name in names]  # a mirror image is no other picture
+    own = [name.removesuffix(FLIPPED) for name in names]  # a mirror image is no other picture
     number = {name: i for i, name in enumerate(dict.fromkeys(own))}
     size = min(max(round(share * len(number)) // MIN_GROUPS, 1), MAX_NEIGHBOURS)
     return torch.tensor([number[name] for name in own]) // size

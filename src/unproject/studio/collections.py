@@ -1,34 +1,29 @@
 """Collections: the training pictures of a run by the view that each was assigned, how sure that is, and corrections.
 
-Corrected views are stored as views.csv in the run, in the form that `unproject train` reads beside pictures.
+The views are known, or predicted, or there are none: where all samples are seen from anywhere, no picture has one.
 """
 
 from __future__ import annotations
 
-import csv
-import io
-import math
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from torch import Tensor
 
-from .._files import write_text
 from .._types import UserError
 from ..assignment import AssignmentState
-from ..projections.priors import Prior, Uniform, factors_of
+from ..data.splitting import FLIPPED
 from ..report.pictures import picture_of
 from ..report.sections import views_of
 from ..training.run_directory import read_recipe
 from ..training.seen import sheet_as_seen
 from .answers import Answer, Request, of_json
+from .corrections import VIEWS, corrections_of, middle, outdated, store, table
 from .downloads import attachment
 from .state import State
 
-VIEWS = "views.csv"
+Known = Literal["known", "predicted", "none"]
 PAGE, CELL = 60, 72
 """Pictures sent at once, and pixels of each."""
 
@@ -39,13 +34,17 @@ class Sorted:
 
     Attributes:
         state: the assignment.
-        names: of all pictures, those held out last.
-        labels: of the views.
-        views: (N + M,) the view of each picture.
-        sure: (N + M,) the probability of that view; None if views are known.
+        known: how the views came about.
+        rows: of the pictures, those held out last; mirror images, which training made, are left out.
+        names: of the pictures.
+        labels: of the views; none if there are no views.
+        views: (N,) the view of each picture; -1 if there are none.
+        sure: (N,) the probability of that view, if it was predicted.
     """
 
     state: AssignmentState
+    known: Known
+    rows: tuple[int, ...]
     names: tuple[str, ...]
     labels: list[str]
     views: Tensor
@@ -53,22 +52,16 @@ class Sorted:
 
     def picture(self, row: int) -> Tensor:
         """Return a picture (1, ...) as training gets it."""
-        panel = self.state.panel
+        panel, k = self.state.panel, self.rows[row]
         count = len(panel)
-        rows = torch.tensor([row if row < count else row - count])
-        return panel.batch(rows) if row < count or panel.held_out is None else panel.held_out.batch(rows)
+        rows = torch.tensor([k if k < count else k - count])
+        return panel.batch(rows) if k < count or panel.held_out is None else panel.held_out.batch(rows)
 
     def angles(self) -> list[dict[str, float]] | None:
         """Return the middle of each view in degrees, by the columns of views.csv; None if views have no azimuth."""
-        found = [_middle(o.prior) for o in self.state.panel.observations]
+        found = [middle(o.prior) for o in self.state.panel.observations]
         one = len(self.state.panel.collections) == 1 and len(found) > 1
-        return found if one and all("azimuth" in angles for angles in found) else None
-
-
-def _middle(prior: Prior) -> dict[str, float]:
-    named = {f.name: (f.low + f.high) / 2 for f in factors_of(prior) if isinstance(f, Uniform)}
-    found = {name: math.degrees(named[name]) for name in ("azimuth", "elevation") if name in named}
-    return found | {"azimuth": found["azimuth"] % 360} if "azimuth" in found else found
+        return found if one and self.labels and all("azimuth" in angles for angles in found) else None
 
 
 def _sorted(state: State, name: str) -> list[Sorted]:
@@ -82,16 +75,21 @@ def _sorted(state: State, name: str) -> list[Sorted]:
 
 def _panel(state: AssignmentState, k: int, described: Any) -> Sorted:
     panel = state.panel
-    names = [name for part in panel.collections for name in part.names]
-    held_out = [] if panel.held_out is None else list(panel.held_out.names)
+    names = [name for part in (*panel.collections, panel.held_out) if part is not None for name in part.names]
+    kept = [row for row, name in enumerate(names) if not name.endswith(FLIPPED)]
+    listed, rows = tuple(names[row] for row in kept), torch.tensor(kept)
     p = state.view_probabilities()
+    if p is None and not state.fixes_gauge:
+        return Sorted(state, "none", tuple(kept), listed, [], torch.full((len(kept),), -1), None)
     labels, _ = views_of(described, k, len(panel.observations))
     if len(set(labels)) < len(labels) or labels == [str(i) for i in range(len(labels))]:
         labels = [o.name for o in panel.observations]
-    if p is None:
-        return Sorted(state, tuple(names), labels, state.views.long(), None)
-    views = torch.cat([state.views.long(), p[len(names) :].argmax(1)])
-    return Sorted(state, (*names, *held_out), labels, views, p[torch.arange(len(views)), views])
+    held_out = (
+        [] if panel.held_out is None else [state.held_out_heads.long() if p is None else p[len(panel) :].argmax(1)]
+    )
+    views = torch.cat([state.views.long(), *held_out])[rows]
+    known = "known" if p is None else "predicted"
+    return Sorted(state, known, tuple(kept), listed, labels, views, None if p is None else p[rows, views])
 
 
 def _of(state: State, request: Request) -> tuple[list[Sorted], Sorted]:
@@ -111,11 +109,12 @@ def show_collection(state: State, request: Request) -> Answer:
         {
             "panels": [_title(one) for one in panels],
             "labels": chosen.labels,
-            "counts": torch.bincount(views, minlength=len(chosen.labels)).tolist(),
+            "counts": [int((views == k).sum()) for k in range(len(chosen.labels))],
             "pictures": len(chosen.names),
-            "known": chosen.sure is None,
+            "views": chosen.known,
             "correctable": chosen.angles() is not None,
             "corrected": len(corrected),
+            "outdated": chosen.angles() is not None and outdated(state.folder.run(request.text("run"))),
             "skipped": skipped,
         }
     )
@@ -157,7 +156,7 @@ def _entry(chosen: Sorted, row: int, view: int, corrected: dict[str, int]) -> di
 
 
 def _with(chosen: Sorted, corrected: dict[str, int]) -> Tensor:
-    """Return the views (N + M,), those that were corrected among them."""
+    """Return the views (N,), those that were corrected among them."""
     views = chosen.views.clone()
     for row, name in enumerate(chosen.names):
         if name in corrected:
@@ -166,80 +165,31 @@ def _with(chosen: Sorted, corrected: dict[str, int]) -> Tensor:
 
 
 def _corrected(state: State, name: str, chosen: Sorted) -> dict[str, int]:
-    """Return picture → view of views.csv where it differs from what was assigned; rows that do not fit are left out."""
-    file, angles = state.folder.run(name) / VIEWS, chosen.angles()
-    if angles is None or not file.is_file():
-        return {}
-    columns = list(angles[0])
-    rows = {name: row for row, name in enumerate(chosen.names)}
-    found = {}
-    for line in csv.DictReader(io.StringIO(file.read_text(encoding="utf-8", errors="replace"))):
-        try:
-            given = {column: float(line[column]) for column in columns}
-            row = rows[line["file"]]
-        except (KeyError, TypeError, ValueError):
-            continue
-        view = min(range(len(angles)), key=lambda k: sum(_apart(angles[k][c], given[c]) ** 2 for c in columns))
-        if view != int(chosen.views[row]):
-            found[line["file"]] = view
-    return found
-
-
-def _apart(a: float, b: float) -> float:
-    return abs((a - b + 180) % 360 - 180)
+    angles, assigned = chosen.angles(), dict(zip(chosen.names, chosen.views.tolist(), strict=True))
+    return {} if angles is None else corrections_of(state.folder.run(name), angles, assigned)
 
 
 def correct(state: State, request: Request) -> Answer:
-    """Store the view of a picture: views.csv then holds the views of all pictures, the corrected ones among them."""
+    """Store the view of a picture; it stays, whatever is predicted of it later."""
     given = request.json()
     asked = Request({"run": str(given.get("run", "")), "panel": str(given.get("panel", 0))})
     _, chosen = state.compute(lambda: _of(state, asked))
     angles, name, view = chosen.angles(), given.get("name"), given.get("view")
     if angles is None:
-        raise UserError("the views of these pictures have no azimuth; there is nothing to correct")
+        raise UserError("these pictures have no views with an azimuth; there is nothing to correct")
     if name not in chosen.names or type(view) is not int or not 0 <= view < len(angles):
         raise UserError(f"{str(name)[:80]}: give a picture of the run and a view from 0 to {len(angles) - 1}")
     with state.writing:
         corrected = {**_corrected(state, asked.text("run"), chosen), str(name): view}
-        file = state.folder.run(asked.text("run")) / VIEWS
-        _write(file, _table(chosen, _with(chosen, corrected), angles) + _others(file, chosen))
-    return of_json({"file": str(file), "corrected": len(corrected)})
+        store(state.folder.run(asked.text("run")), corrected, angles, chosen.names)
+    return of_json({"corrected": len(corrected)})
 
 
 def download_views(state: State, request: Request) -> Answer:
-    """Answer with the views of all pictures as views.csv."""
+    """Answer with the views of all pictures, as they are now and as they were corrected, as views.csv."""
     _, chosen = state.compute(lambda: _of(state, request))
     angles = chosen.angles()
     if angles is None:
-        raise UserError("the views of these pictures have no azimuth; there is no views.csv of them")
+        raise UserError("these pictures have no views with an azimuth; there is no views.csv of them")
     views = _with(chosen, _corrected(state, request.text("run"), chosen))
-    return attachment(_table(chosen, views, angles).encode(), VIEWS)
-
-
-def _write(file: Path, table: str) -> None:
-    write_text(file, table)
-
-
-def _others(file: Path, chosen: Sorted) -> str:
-    """Return the lines of views.csv that are of other panels' pictures."""
-    if not file.exists():
-        return ""
-    own, text = {"file", *chosen.names}, file.read_text(encoding="utf-8", errors="replace")
-    rows = [row for row in csv.reader(io.StringIO(text)) if row and row[0] not in own]
-    return _csv(rows)
-
-
-def _csv(rows: Iterable[Sequence[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
-
-
-def _table(chosen: Sorted, views: Tensor, angles: list[dict[str, float]]) -> str:
-    """Return views.csv of the pictures; mirror images, which are no files, are left out."""
-    rows = [
-        [name, *(f"{angle:g}" for angle in angles[view].values())]
-        for name, view in zip(chosen.names, views.tolist(), strict=True)
-        if not name.endswith(" flipped")
-    ]
-    return _csv([["file", *angles[0]], *rows])
+    return attachment(table(dict(zip(chosen.names, views.tolist(), strict=True)), angles).encode(), VIEWS)

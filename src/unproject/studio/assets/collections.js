@@ -10,13 +10,16 @@ function collections(root, query) {
   const about = make("p.facts", "reading the pictures …"), panels = make("div.bar"), bars = make("div.views", { role: "group", "aria-label": "views" });
   const how = make("p.small"), table = downloadButton("Download views.csv", "/api/views.csv", () => ({ run: query.run, panel: at.panel }));
   const cells = make("div.cells.pictures"), pages = make("div.bar"), correction = make("section", { hidden: true }), saved = make("p.saved", { hidden: true, role: "status" }), skipped = make("section", { hidden: true });
+  const old = make("p.remarks", { hidden: true }, "The views.csv in this run is of a version before, and the run was trained since: which views in it are corrections is not known any more, so that it is not read.");
   const views = make("section", make("h2", "Views"), bars, saved);
-  root.append(title(query.run), about, panels, views, make("section", make("h2", "Pictures"), how, cells, make("div.bar", pages, table)), correction, skipped);
+  root.append(title(query.run), about, old, panels, views, make("section", make("h2", "Pictures"), how, cells, make("div.bar", pages, table)), correction, skipped);
   let found = null;
 
   async function collection() {
     found = await ask("/api/collection", { run: query.run, panel: at.panel });
-    about.textContent = `${found.pictures.toLocaleString("en")} pictures, ${found.labels.length} ${found.labels.length === 1 ? "view" : "views"}${found.known ? "" : ", predicted"}${found.corrected ? `, ${found.corrected} corrected in views.csv` : ""}; ${found.skipped.length} skipped`;
+    const several = `${found.labels.length} ${found.labels.length === 1 ? "view" : "views"}${found.views === "predicted" ? ", predicted" : ""}`;
+    about.textContent = `${found.pictures.toLocaleString("en")} pictures, ${found.views === "none" ? "without views" : several}${found.corrected ? `, ${found.corrected} corrected` : ""}; ${found.skipped.length} skipped`;
+    old.hidden = !found.outdated;
     panels.hidden = found.panels.length < 2;
     panels.replaceChildren(...found.panels.map((name, k) => choice(name, k === at.panel, () => { Object.assign(at, { panel: k, view: -1, page: 0 }); all(); })));
     const most = Math.max(...found.counts, 1);
@@ -29,7 +32,7 @@ function collections(root, query) {
       return button;
     }));
     views.hidden = found.labels.length < 2;
-    const shares = found.known ? "" : "The least sure first. The percentage is how probable the predictor finds the view that a picture has; views are drawn by these probabilities, so that some are improbable.";
+    const shares = found.views !== "predicted" ? "" : "The least sure first. The percentage is how probable the predictor finds the view that a picture has; views are drawn by these probabilities, so that some are improbable.";
     how.textContent = `${shares} ${found.correctable ? "Drag one to its view above, or choose it, to correct it." : ""}`;
     table.hidden = !found.correctable;
     skipped.hidden = !found.skipped.length;
@@ -69,9 +72,9 @@ function collections(root, query) {
   }
   async function correct(name, view) {
     const body = JSON.stringify({ run: query.run, panel: at.panel, name, view });
-    const { file } = await ask("/api/view", {}, { method: "POST", body, headers: { "Content-Type": "application/json" } });
+    await ask("/api/view", {}, { method: "POST", body, headers: { "Content-Type": "application/json" } });
     await refresh();
-    saved.textContent = `Saved in ${file}, which holds the views of all pictures. Copy it beside them and train with --views known.`;
+    saved.textContent = "Saved. Download views.csv, which holds the views of all pictures, put it beside them and train with --views known.";
     saved.hidden = false;
   }
   function edit(one) {
