@@ -412,6 +412,17 @@ def test_a_fit_is_followed_on_after_an_answer_that_was_lost(tab: Tab, tmp_path: 
     assert not lost and not tab.page.is_visible("#trouble")
 
 
+def test_that_a_file_holds_several_objects_is_said_in_the_page(tab: Tab, tmp_path: Path) -> None:
+    np.savez_compressed(tmp_path / "two.npz", silhouettes=np.eye(64, dtype=np.float32)[None].repeat(2, 0))
+    tab.go("fit?run=chairs")
+    tab.page.wait_for_selector(".zone")
+    tab.page.click("summary")
+    tab.page.uncheck("input[type=checkbox]")
+    assert tab.page.is_hidden("[aria-label=scale]")
+    dropped(tab, "document", "two.npz", (tmp_path / "two.npz").read_bytes())
+    tab.until("two.npz holds 2 objects, of which the first is explained.")
+
+
 def test_a_file_that_no_panel_takes_is_refused(tab: Tab) -> None:
     tab.go("runs")
     tab.until("runs in")

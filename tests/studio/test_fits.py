@@ -9,6 +9,7 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.data import Collection, wood
 from unproject.domains import Maps
+from unproject.inversion.novelty import combined
 from unproject.projections import directions
 from unproject.studio import explaining
 from unproject.studio.answers import Request
@@ -159,7 +161,8 @@ def test_what_cannot_be_fitted_is_refused_at_once(shapes: State, said: Said, que
 
 
 def test_a_view_that_is_none_is_said(shapes: State, said: Said, fast: None) -> None:
-    assert "give degrees of azimuth" in ended(shapes, said, begun(shapes, said, mask(), view="north"))["error"]
+    error = ended(shapes, said, begun(shapes, said, mask(), view="north"))["error"]
+    assert error.startswith("view north: give degrees of azimuth")  # there is a field of that name, and no flag
 
 
 def test_what_training_pictures_tell_is_made_once_for_all_searches(
@@ -250,13 +253,75 @@ def test_all_lines_of_an_image_of_the_run_are_explained(
     found = ended(state, said, begun(state, said, b"", "", run="known", own=4))
     assert (
         found["stage"] == "done"
-        and len(given[0]) == 3
-        and len({name.partition("#")[0] for name in given[0].names}) == 1
+        and len(given[0][0]) == 3
+        and len({name.partition("#")[0] for name in given[0][0].names}) == 1
     )
-    assert given[0].latents["angle"].tolist() == pytest.approx([0, 1, 2], abs=1e-5)
+    assert given[0][0].latents["angle"].tolist() == pytest.approx([0, 1, 2], abs=1e-5)
     for name in ("known", "anchored", "single"):
         kinds = said(state, "/api/kinds", run=name)[1]
         assert kinds["observations"] == [] and kinds["own"]
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> State:
+    """A run of images by line integrals at three known angles."""
+    folder = tmp_path_factory.mktemp("scans")
+    lines, flags = folder / "scan.npz", "--bins 3 --channels 16 --batch 4 --steps 2 --quiet"
+    np.savez(lines, sinograms=np.random.default_rng(0).random((12, 16, 3)) / 2, angle=np.array([0.0, 1.0, 2.0]))
+    words = ["train", "digits", "--data", str(lines), *flags.split(), "--out", str(folder / "runs" / "scans")]
+    assert main(words) == 0
+    return State(folder / "runs")
+
+
+def scan(factor: float = 1.0, objects: int = 1) -> bytes:
+    content = io.BytesIO()
+    lines = factor * np.random.default_rng(1).random((objects, 16, 3)) / 2
+    np.savez(content, sinograms=lines, angle=np.array([0.0, 1.0, 2.0]))
+    return content.getvalue()
+
+
+def test_p_of_several_lines_is_that_of_the_command(
+    scans: State, said: Said, fast: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One strange line of three is none that `unproject fit` finds strange."""
+    p = torch.tensor([0.02, 0.5, 0.5])
+    monkeypatch.setattr(explaining, "_novelty", lambda means: SimpleNamespace(p_values=lambda pictures: p))
+    found = ended(scans, said, begun(scans, said, scan(), "mine.npz", run="scans", novelty=1))
+    assert found["p"] == pytest.approx(combined(p)) and found["p"] > found["levels"]["p"]
+    assert "another kind" not in found["why"]
+
+
+def test_what_is_to_be_known_of_a_file_is_said_in_the_page(
+    scans: State, said: Said, fast: None, recwarn: pytest.WarningsRecorder
+) -> None:
+    for _ in range(2):  # not the first time only
+        found = ended(scans, said, begun(scans, said, scan(40, 5), "mine.npz", run="scans"))
+        assert found["remarks"][0] == "mine.npz holds 5 objects, of which the first is explained"
+        assert found["remarks"][1].startswith("mine.npz: the largest reading is")
+        assert found["remarks"][1].endswith("what to divide them by as scale") and len(found["remarks"]) == 2
+    assert len(recwarn) == 0
+    found = ended(scans, said, begun(scans, said, scan(40), "mine.npz", run="scans", scale=40))
+    assert found["stage"] == "done" and found["remarks"] == []
+    assert said(scans, "/api/fit", "POST", b"", run="scans", name="mine.npz", scale="x")[0] == 400
+
+
+def test_fits_that_were_stopped_while_they_waited_leave_their_places_and_their_pictures(
+    shapes: State, said: Said
+) -> None:
+    go = threading.Event()
+    held = shapes.jobs.submit(go.wait)
+    while not held.running():
+        time.sleep(0.001)
+    stopped = [begun(shapes, said, mask()) for _ in range(JOBS)]
+    for fit in stopped:
+        said(shapes, "/api/stop", "POST", b"", fit=fit)
+        explanation: Any = shapes.kept(("fit", fit), lambda: None, 1)
+        assert explanation.asked.content == b""
+    again = [begun(shapes, said, mask()) for _ in range(JOBS)]
+    assert said(shapes, "/api/fit", "POST", mask(), run="chairs", name="x.png")[0] == 503
+    for fit in again:
+        said(shapes, "/api/stop", "POST", b"", fit=fit)
+    go.set()
 
 
 def test_lines_without_a_common_name_are_of_different_images() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+import warnings
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +19,7 @@ from .._types import UserError
 from ..assignment import AssignmentState, Panel
 from ..data import Collection
 from ..inversion import Fit, Fitter, Novelty, Search, Viewing
+from ..inversion.novelty import combined
 from ..training import Run
 from ..training.fitted_pictures import (
     Frame,
@@ -53,6 +56,7 @@ class Asked:
         view: degrees, with commas; "" if it is not known.
         search: a name of `SEARCHES`.
         novelty: compare it with pictures of training.
+        scale: what readings of line integrals are divided by; None for what those of training were.
         own: the number of a picture of the run's own that is meant in place of a file, if there is one.
     """
 
@@ -63,6 +67,7 @@ class Asked:
     view: str = ""
     search: str = "quick"
     novelty: bool = True
+    scale: float | None = None
     own: int | None = None
 
     @property
@@ -102,7 +107,9 @@ class Explanation:
         pictures: as they are compared, (M, ...).
         fit: what was found, with `why` it does not explain the pictures, and p.
         error: what went wrong.
+        remarks: what is to be known of how the pictures were read.
         shown: what a page was told of the result, after so many moves.
+        waits: for its turn to be explained.
     """
 
     def __init__(self, asked: Asked) -> None:
@@ -114,9 +121,11 @@ class Explanation:
         self.projected: Tensor | None = None
         self.fit: Fit | None = None
         self.why: list[str] = []
+        self.remarks: list[str] = []
         self.p: float | None = None
         self.seconds = 0.0
         self.shown: tuple[int, dict[str, Any]] | None = None
+        self.waits: Future[None] | None = None
         self._unwanted = threading.Event()
 
     @property
@@ -126,13 +135,11 @@ class Explanation:
     def stop(self) -> None:
         """End it at the next step, or at once if it waits."""
         self._unwanted.set()
-        if self.stage == "waiting":
+        if self.waits is not None and self.waits.cancel():
             self._end("stopped")
 
     def explain(self, state: State) -> None:
         """Do it, from reading the picture on; what goes wrong is kept for whoever looks."""
-        if self.ended:
-            return
         begin = time.perf_counter()
         try:
             self._explain(state)
@@ -143,7 +150,6 @@ class Explanation:
             self.error = " ".join(str(error).split()) or type(error).__name__
             ended = "failed"
         self.seconds = time.perf_counter() - begin
-        self.asked = replace(self.asked, content=b"")
         self._end(ended)
 
     def _explain(self, state: State) -> None:
@@ -157,7 +163,7 @@ class Explanation:
             ("fitter", *key, asked.search), lambda: run.fitter(viewing=means.viewing, search=search), 2
         )
         self._now("reading the picture")
-        found = _read(asked, means)
+        found, self.remarks = _read(asked, means)
         self.asked = replace(asked, name=asked.name or found.names[0])
         self.pictures = pictures = found.floats()
         self._now("comparing it with samples")
@@ -168,18 +174,19 @@ class Explanation:
             self._now("comparing it with the pictures of training")
             novelty = state.kept(("novelty", *key), lambda: _novelty(means), 2)
             p = None if novelty is None else novelty.p_values(pictures)
-            self.p, self.why = None if p is None else p.min().item(), doubts(run, fit, p)
+            self.p, self.why = None if p is None else combined(p), doubts(run, fit, p)
 
     def _watch(self, done: float, x: Tensor, projected: Tensor) -> None:
         self.done, self.x, self.projected = done, x, projected
         self._now("moving the sample towards the picture")
 
     def _end(self, stage: str) -> None:
+        self.asked = replace(self.asked, content=b"")  # as large as a picture may be
         self.stage, self.moves = stage, self.moves + 1
 
     def _now(self, stage: str) -> None:
-        self._end(stage)
-        if self._unwanted.is_set() and not self.ended:
+        self.stage, self.moves = stage, self.moves + 1
+        if self._unwanted.is_set():
             raise Stopped
 
 
@@ -187,21 +194,40 @@ def _novelty(means: Means) -> Novelty | None:
     return novelty_of(means.state, means.viewing)
 
 
-def _read(asked: Asked, means: Means) -> Collection:
-    """Return the pictures of the first object of a file, or of one of the run, with what is known of their views."""
-    viewing = means.viewing
-    given = given_view(asked.view, viewing.projection.latents) if asked.view else {}
-    found = _file(asked, means) if asked.own is None else _own(asked.own, means.state.panel)
-    found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, means.frame))
-    return found.subset(_rows_of(found, found.names[0]))
+def _read(asked: Asked, means: Means) -> tuple[Collection, list[str]]:
+    """Return the pictures of the first object of a file, or of one of the run, and remarks on them.
 
+    What the command says in a terminal is said in the page: without dashes before what is a field there.
 
-def _file(asked: Asked, means: Means) -> Collection:
-    with tempfile.TemporaryDirectory() as folder:
+    Raises:
+        UserError: if it cannot be read.
+    """
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
         file = Path(folder) / f"picture{Path(asked.name).suffix.lower()}"
         file.write_bytes(asked.content)
-        found = _told(lambda: observed(means.run, [file], means.viewing), str(file), asked.name[:80])
-        return Collection(found.floats(), names=found.names, latents=found.latents)  # the file goes
+
+        def said(text: object) -> str:
+            return re.sub(r"--(view|scale)\b", r"\1", str(text).replace(str(file), asked.name[:80]))
+
+        try:
+            found = _known(asked, means, file)
+        except UserError as error:
+            raise UserError(said(error)) from None
+    objects = len({object_of(name) for name in found.names})
+    several = [f"{asked.name[:80]} holds {objects} objects, of which the first is explained"] if objects > 1 else []
+    return found.subset(_rows_of(found, found.names[0])), [*several, *(said(one.message) for one in told)]
+
+
+def _known(asked: Asked, means: Means, file: Path) -> Collection:
+    """Return all pictures of a file, or those of one object of the run, with what is known of their views."""
+    viewing = means.viewing
+    given = given_view(asked.view, viewing.projection.latents) if asked.view else {}
+    if asked.own is None:
+        found = observed(means.run, [file], viewing, asked.scale)
+    else:
+        found = _own(asked.own, means.state.panel)
+    return Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, means.frame))
 
 
 def _own(number: int, panel: Panel) -> Collection:
@@ -224,14 +250,6 @@ def _rows_of(found: Collection, name: str) -> list[int]:
     """Return the rows of the pictures of the same object as one of this name."""
     wanted = object_of(name)
     return [row for row, other in enumerate(found.names) if object_of(other) == wanted]
-
-
-def _told(read: Callable[[], Collection], file: str, name: str) -> Collection:
-    """Return what is read; an error names the file as its owner knows it."""
-    try:
-        return read()
-    except UserError as error:
-        raise UserError(str(error).replace(file, name)) from None
 
 
 def degrees(fit: Fit) -> list[list[dict[str, float]]]:

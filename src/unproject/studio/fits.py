@@ -27,6 +27,8 @@ from .state import State
 
 KEPT, SEEN = 12, 192
 """Fits that stay, and pixels of a picture."""
+SCALES = 1e-9, 1e9
+"""What readings may be divided by."""
 IDENTITY = "unproject.projections.base:Identity"
 
 
@@ -57,7 +59,7 @@ def begin_fit(state: State, request: Request) -> Answer:
     """Take a picture, and answer with the name of its fit; at most a few wait."""
     asked = _asked(state, request)
     explanation = Explanation(asked)
-    state.jobs.submit(lambda: explanation.explain(state))
+    explanation.waits = state.jobs.submit(lambda: explanation.explain(state))
     name = secrets.token_hex(8)
     state.kept(("fit", name), lambda: explanation, KEPT)
     return of_json({"fit": name})
@@ -73,7 +75,8 @@ def _asked(state: State, request: Request) -> Asked:
     state.folder.run(request.text("run"))
     known = request.text("observation", "") or None, request.text("view", "")[:80], search
     novelty = request.text("novelty", "1") == "1"
-    return Asked(request.text("run"), name, request.body, *known, novelty, None if own < 0 else own)
+    scale = request.number("scale", 1, *SCALES) if request.text("scale", "") else None
+    return Asked(request.text("run"), name, request.body, *known, novelty, scale, None if own < 0 else own)
 
 
 def _found(state: State, request: Request) -> Explanation:
@@ -97,6 +100,7 @@ def show_fit(state: State, request: Request) -> Answer:
     name = one.asked.name or "one of its own pictures"
     told = {"run": one.asked.run, "name": name, "stage": one.stage, "ended": one.ended, "done": one.done}
     told |= {"moves": one.moves, "drawable": one.x is not None, "error": one.error, "seconds": round(one.seconds, 1)}
+    told |= {"remarks": one.remarks}
     pictures = {"picture": _seen(one, one.pictures), "projection": _seen(one, one.projected)}
     return of_json({**told, **pictures, **(_shown(one, one.fit) if one.fit is not None else {})})
 

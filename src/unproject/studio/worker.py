@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import queue
 import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from .answers import Busy
 
@@ -17,7 +17,7 @@ class Worker:
     """Calls functions one after another in a thread of its own.
 
     Args:
-        waiting: calls that may wait.
+        waiting: calls that may wait; those that were cancelled do not count.
 
     Attributes:
         busy: whether one is being made.
@@ -28,8 +28,9 @@ class Worker:
     """
 
     def __init__(self, waiting: int) -> None:
-        self.busy = False
-        self._calls: queue.Queue[tuple[Callable[[], object], Future[object]]] = queue.Queue(waiting)
+        self.busy, self._most = False, waiting
+        self._calls: deque[tuple[Callable[[], object], Future[Any]]] = deque()
+        self._there = threading.Condition()
         threading.Thread(target=self._work, daemon=True).start()
 
     def submit(self, call: Callable[[], T]) -> Future[T]:
@@ -39,15 +40,19 @@ class Worker:
             Busy: if too many calls wait.
         """
         future: Future[T] = Future()
-        try:
-            self._calls.put_nowait((call, future))  # pyright: ignore[reportArgumentType]
-        except queue.Full:
-            raise Busy("too much is being computed; wait a moment") from None
+        with self._there:
+            self._calls = deque(one for one in self._calls if not one[1].cancelled())
+            if len(self._calls) >= self._most:
+                raise Busy("too much is being computed; wait a moment")
+            self._calls.append((call, future))
+            self._there.notify()
         return future
 
     def _work(self) -> None:
         while True:
-            call, future = self._calls.get()
+            with self._there:
+                self._there.wait_for(lambda: self._calls)
+                call, future = self._calls.popleft()
             if not future.set_running_or_notify_cancel():
                 continue
             self.busy = True

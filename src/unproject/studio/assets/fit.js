@@ -20,17 +20,19 @@ function fits(root, query) {
   const zone = make("label.zone", file, make("strong", "Drop a picture here"), make("span", "or choose a file: ", wanted));
   const observation = make("select", { "aria-label": "kind of picture" }), which = make("label.field", make("span", "kind of picture"), observation);
   const view = make("input", { type: "text", placeholder: "unknown", "aria-label": "view in degrees" });
+  const scale = make("input", { type: "number", min: 0, step: "any", placeholder: "as in training", "aria-label": "scale" }), unit = make("label.field", { hidden: true }, make("span", "scale"), scale);
+  unit.title = "What the readings are divided by, so that a row of ones in a picture gives 1";
   const search = make("select", { "aria-label": "search" }), novelty = make("input", { type: "checkbox", checked: true });
   const own = make("button", { type: "button", hidden: true }, "Take one of its own pictures");
-  const stage = make("div.stage"), note = make("p.small"), bar = make("progress", { max: 1, value: 0, "aria-label": "done" });
-  const stop = make("button", { type: "button" }, "Stop"), watch = make("section", { hidden: true }, stage, make("div.bar.watch", bar, stop), note);
+  const stage = make("div.stage"), note = make("p.small"), remarks = make("ul.remarks", { hidden: true }), bar = make("progress", { max: 1, value: 0, "aria-label": "done" });
+  const stop = make("button", { type: "button" }, "Stop"), watch = make("section", { hidden: true }, stage, make("div.bar.watch", bar, stop), note, remarks);
   const found = make("section", { hidden: true });
   const intro = make("section.intro", make("h2", "The object behind a picture"),
     make("p", "The run has learned what objects of a kind look like. Of all that it can make, this looks for the one whose projection is the picture, from whatever view it was taken, and shows it on its way."),
     make("p", "One picture leaves much open: several explanations come with their weights, and the probability of each view. If the picture is of another kind than those the run has seen, the page says so."),
     make("p.small", "The picture stays on this machine, and is not stored."));
   const options = make("details", make("summary", "What is known of it, and how to search"), which,
-    make("label.field", make("span", "view, degrees"), view), make("label.field", make("span", "search"), search),
+    make("label.field", make("span", "view, degrees"), view), unit, make("label.field", make("span", "search"), search),
     make("label.check", novelty, "compare it with the pictures of training (half a minute, once)"));
   root.append(title(query.run), make("div.fitter", make("section.give", zone, make("div.bar", own), options), intro, watch, found));
   let drawing = null;
@@ -39,6 +41,7 @@ function fits(root, query) {
     wanted.textContent = `${WANTED[kinds.kind]}.`;
     file.accept = kinds.suffixes.join(",");
     which.hidden = !kinds.observations.length;
+    unit.hidden = kinds.kind !== "images";
     observation.append(...kinds.observations.map((name) => make("option", { value: name }, name)));
     if (kinds.observations.includes("flash")) observation.value = "flash";
     search.append(...kinds.searches.map((name) => make("option", { value: name }, name)));
@@ -48,7 +51,7 @@ function fits(root, query) {
 
   async function give(name, content, own = {}) {
     say(null);
-    const asked = { run: query.run, name, ...own, observation: observation.value, view: view.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
+    const asked = { run: query.run, name, ...own, observation: observation.value, view: view.value, scale: scale.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
     const { fit } = await ask("/api/fit", asked, { method: "POST", body: content });
     facing = true;
     begin(fit);
@@ -66,7 +69,7 @@ function fits(root, query) {
     if (shown && shown !== fit) ask("/api/stop", { fit: shown }, { method: "POST", body: "" }).catch(() => {}); // nobody looks at it any more
     [shown, chosen] = [fit, 0];
     intro.hidden = found.hidden = true;
-    [note.textContent, bar.value] = ["", 0]; // not what was said of the fit before
+    [note.textContent, bar.value, remarks.hidden] = ["", 0, true]; // not what was said of the fit before
     keep({ fit });
     if (drawing) drawing.close();
     stage.replaceChildren();
@@ -98,6 +101,8 @@ function fits(root, query) {
   function tell(now) {
     const waits = { done: `Done in ${now.seconds} s.`, stopped: "Stopped.", failed: "It could not be done." };
     note.textContent = `${now.name}: ${waits[now.stage] || `${now.stage} …`}`;
+    remarks.hidden = !now.remarks.length;
+    remarks.replaceChildren(...now.remarks.map((remark) => make("li", `${remark}.`)));
     if (now.error) say(new Error(now.error));
     bar.value = now.ended ? 1 : now.done;
     stage.hidden = now.stage === "failed" && !now.drawable; // there is nothing to turn
