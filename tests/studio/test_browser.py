@@ -120,11 +120,12 @@ class Tab:
 @pytest.fixture
 def tab(chromium: Any, studio: Studio) -> Iterator[Tab]:
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
-    one = Tab(context.new_page(), studio.address)
+    context.request.get(studio.address)  # brings the cookie
+    one = Tab(context.new_page(), studio.address.partition("?")[0])
     yield one
     context.close()
     assert one.wrong == []
-    elsewhere = [url for url in one.asked if not url.startswith((studio.address, "data:", "blob:"))]
+    elsewhere = [url for url in one.asked if not url.startswith((one.address, "data:", "blob:"))]
     assert elsewhere == []
 
 
@@ -143,6 +144,21 @@ def test_runs_are_listed_and_two_are_shown_side_by_side(tab: Tab) -> None:
     tab.page.wait_for_selector(".side-by-side .run:nth-child(2) h1:text-is('wood')")
     assert "other=" in tab.page.url
     tab.page.wait_for_selector(".side-by-side .run:nth-child(1) img.sheet")
+
+
+def test_the_printed_address_opens_it_from_a_link_of_another_site(chromium: Any, studio: Studio) -> None:
+    """As one in a chat: what is chosen in the address stays, and the cookie lets the page ask."""
+    context = chromium.new_context()
+    one = Tab(context.new_page(), studio.address)
+    one.page.route("http://chat.example/", lambda route: route.fulfill(body="a chat", content_type="text/html"))
+    one.page.goto("http://chat.example/")
+    one.page.evaluate("address => { location.href = address; }", f"{studio.address}#/runs?run=chairs")
+    one.until("Samples over time")
+    assert one.page.url == f"{studio.address.partition('?')[0]}#/runs?run=chairs"
+    context.clear_cookies()
+    one.page.reload()
+    assert "the token is missing; open the address" in one.trouble()
+    context.close()
 
 
 def test_a_run_that_is_being_written_is_followed(tab: Tab, folder: Path) -> None:
@@ -320,6 +336,22 @@ def test_a_dropped_probe_lights_the_material(tab: Tab, tmp_path: Path) -> None:
     tab.until("samples a pixel")
     dropped(tab, "document", "sky.npy", (tmp_path / "sky.npy").read_bytes())
     tab.page.wait_for_function("() => location.hash.includes('light=dropped-')")
+
+
+@pytest.mark.parametrize("place, name", [("materials?run=wood", "probe.exr"), ("fit?run=chairs", "photo.png")])
+def test_a_file_that_is_too_large_is_said_before_it_is_sent(tab: Tab, place: str, name: str) -> None:
+    tab.go(place)
+    tab.page.wait_for_selector(".zone, .maps figure")
+    tab.page.evaluate(
+        """(name) => {
+          const data = new DataTransfer();
+          data.items.add(new File([new Uint8Array(41e6)], name));
+          document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+        }""",
+        name,
+    )
+    assert f"{name} is 41 MB; give at most 40 MB, " in tab.trouble()
+    assert not [url for url in tab.asked if "/api/light" in url or "/api/fit?" in url]
 
 
 def test_a_view_is_corrected_by_dragging(tab: Tab, folder: Path) -> None:

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +41,17 @@ def served(folder: Path, host: str = "127.0.0.1") -> Iterator[Studio]:
     with Studio(folder, host, 0) as studio:
         thread = threading.Thread(target=studio.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
-        yield studio
-        studio.shutdown()
-        thread.join()
+        try:
+            yield studio
+        finally:  # or a test that fails would never end
+            studio.shutdown()
+            thread.join()
 
 
 def ask(studio: Studio, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Any:
-    """(status, headers, content) of a request."""
+    """(status, headers, content) of a request, with the token."""
     connection = http.client.HTTPConnection("127.0.0.1", studio.server_address[1], timeout=60)
+    headers = {"Cookie": f"{studio.guard.cookie}={studio.guard.token}", **headers}
     connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     content = answer.read()
@@ -132,20 +136,53 @@ def test_another_site_is_refused(runs: Path, headers: dict[str, str], method: st
     assert b"toy" not in content
 
 
+LINKS = {
+    "a link in another site": {"Sec_Fetch_Site": "cross-site"},
+    "a link on another port of this machine": {"Sec_Fetch_Site": "same-site"},
+    "without the cookie": {"Cookie": ""},
+    "with that of a studio before": {"Cookie": "unproject-studio-8600=before"},
+}
+
+
+@pytest.mark.parametrize("headers", LINKS.values(), ids=list(LINKS))
+def test_a_link_may_lead_to_the_page_from_anywhere(runs: Path, headers: dict[str, str]) -> None:
+    """It holds nothing of the runs, of which nothing is told."""
+    headers = {"Sec_Fetch_Mode": "navigate", "Sec_Fetch_Dest": "document", **headers}
+    with served(runs) as studio:
+        for path in ("/", "/assets/app.js"):
+            status, told, content = ask(studio, path, **headers)
+            assert status == 200 and b"<title>unproject studio" in content or b"hashchange" in content
+            assert "frame-ancestors 'none'" in told["Content-Security-Policy"]
+        assert ask(studio, "/api/runs", **headers)[0] == 403
+        assert ask(studio, "/", "POST", b"", **headers)[0] in (403, 404)
+        assert ask(studio, "/", **{**headers, "Host": "evil.example"})[0] == 403
+
+
+def test_a_port_that_is_forwarded_as_another_is_told_how_to_be_the_same(runs: Path) -> None:
+    with served(runs) as studio:
+        port = studio.port
+        for host in ("localhost:9000", "127.0.0.1:9000", "[::1]:9000"):
+            status, _, content = ask(studio, "/", Host=host)
+            assert status == 403 and f"ssh -L {port}:localhost:{port} HOST".encode() in content
+        assert b"ssh" not in ask(studio, "/", Host="localhost.evil.example:9000")[2]
+
+
 def test_the_own_page_is_answered(runs: Path) -> None:
     with served(runs) as studio:
         own = f"http://127.0.0.1:{studio.server_address[1]}"
         assert ask(studio, "/api/runs", Origin=own, Sec_Fetch_Site="same-origin")[0] == 200
-        assert studio.address == f"{own}/"
+        assert studio.address.startswith(f"{own}/?token=")
 
 
-def test_another_machine_needs_the_token(runs: Path) -> None:
-    with served(runs, "0.0.0.0") as studio:
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_whoever_asks_needs_the_token(runs: Path, host: str) -> None:
+    """On this machine too, where others may be logged in."""
+    with served(runs, host) as studio:
         token = studio.address.partition("token=")[2]
         assert len(token) >= 32
-        assert ask(studio, "/api/runs")[0] == 403
-        assert ask(studio, "/?token=wrong")[0] == 403
-        status, headers, _ = ask(studio, f"/?token={token}")
+        assert ask(studio, "/api/runs", Cookie="")[0] == 403
+        assert "Set-Cookie" not in ask(studio, "/?token=wrong", Cookie="")[1]
+        status, headers, _ = ask(studio, f"/?token={token}", Cookie="")
         assert (status, headers["Location"]) == (303, "/")
         cookie = headers["Set-Cookie"]
         assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
@@ -199,6 +236,25 @@ def test_what_is_sent_is_bounded(runs: Path) -> None:
         with socket.create_connection(studio.server_address[:2]) as raw:
             raw.sendall(b"GET http://[x/ HTTP/1.1\r\nHost: x\r\n\r\n")
             assert raw.recv(64).split()[1] == b"400"
+
+
+def test_what_is_too_large_is_said_by_name_once_all_of_it_is_sent(runs: Path) -> None:
+    """A connection that breaks while a browser sends is all that it would say."""
+    with served(runs) as studio:
+        status, headers, content = ask(
+            studio, "/api/light?name=probe.exr", "POST", bytes(MAX_REQUEST_BYTES + 2_000_000)
+        )
+        assert (status, headers["Connection"]) == (413, "close")
+        says = "probe.exr: is 42 MB; give at most 40 MB: a picture of fewer pixels, or light at 2K"
+        assert json.loads(content) == {"error": says}
+        status, _, content = ask(studio, "/api/light?name=probe.exr", "POST", bytes(9_000_000), Cookie="")
+        assert status == 403 and b"the token is missing" in content
+        assert ask(studio, "/api/runs")[0] == 200
+
+
+def test_the_page_knows_the_limit() -> None:
+    page = (files("unproject.studio") / "assets" / "app.js").read_text()
+    assert f"const LIMIT = {MAX_REQUEST_BYTES};" in page
 
 
 def test_no_more_calls_wait_than_the_queue_holds() -> None:
@@ -325,9 +381,9 @@ def test_what_takes_too_long_is_said_to_go_on(runs: Path, monkeypatch: pytest.Mo
 
 
 def test_hosts_as_browsers_write_them() -> None:
-    assert Guard.of("127.0.0.1", 80, None).refusal({"Host": "127.0.0.1"}) is None
-    assert Guard.of("MyBox", 8600, None).refusal({"Host": "mybox:8600"}) is None
-    assert Guard.of("127.0.0.1", 8600, None).refusal({"Host": "127.0.0.1"}) is not None
+    assert Guard.of("127.0.0.1", 80, "").refusal({"Host": "127.0.0.1"}, page=True) is None
+    assert Guard.of("MyBox", 8600, "").refusal({"Host": "mybox:8600"}, page=True) is None
+    assert Guard.of("127.0.0.1", 8600, "").refusal({"Host": "127.0.0.1"}, page=True) is not None
 
 
 BUSY = """

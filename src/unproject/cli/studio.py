@@ -24,8 +24,8 @@ def run(
     Args:
         folder: where runs lie, or one run.
         port: of the address (0: any that is free).
-        host: the address to listen at. With another one than this machine's own, others can ask too, if they have the
-            token that is printed; what is sent is not encrypted.
+        host: the address to listen at. With another one than this machine's own, other machines can ask too, with the
+            token of the printed address, which everyone needs; what is sent is not encrypted.
         example: put a trained run of chairs, which comes with the package, beside the others first.
         threads: processor threads (default: all cores).
         trust: import code of runs although it is not of this package.

@@ -39,11 +39,16 @@ def _favicon(state: State, request: Request) -> Answer:
     raise Missing("the studio has no icon")
 
 
+PAGE: Mapping[str, Route] = {
+    "/": _file("unproject.studio", "studio.html"),
+    "/favicon.ico": _favicon,
+    **{f"/assets/{name}": _file("unproject.studio", name) for name in OWN},
+    **{f"/assets/report/{name}": _file("unproject.report", name) for name in REPORT},
+}
+"""Path → what answers with a file of the page, in which there is nothing of any run."""
+
 ROUTES: Mapping[tuple[str, str], Route] = {
-    ("GET", "/"): _file("unproject.studio", "studio.html"),
-    ("GET", "/favicon.ico"): _favicon,
-    **{("GET", f"/assets/{name}"): _file("unproject.studio", name) for name in OWN},
-    **{("GET", f"/assets/report/{name}"): _file("unproject.report", name) for name in REPORT},
+    **{("GET", path): answer for path, answer in PAGE.items()},
     ("GET", "/api/runs"): runs.list_runs,
     ("GET", "/api/run"): runs.show_run,
     ("GET", "/api/newest"): runs.newest,

@@ -16,12 +16,13 @@ from urllib.parse import parse_qsl, urlsplit
 
 from .._types import UserError
 from .answers import POLICY, Answer, Busy, Missing, Request, of_json
-from .guard import EVERYWHERE, LOOPBACK, Guard, authority
-from .routes import ROUTES
+from .guard import EVERYWHERE, Guard, authority
+from .routes import PAGE, ROUTES
 from .state import State
 
-MAX_REQUEST_BYTES = 40_000_000
-"""Bytes that may be sent to the studio at once: a picture, or a light probe."""
+MAX_REQUEST_BYTES, MAX_REFUSED_BYTES = 40_000_000, 500_000_000
+"""Bytes that may be sent to the studio at once, a picture or a light probe; bytes of what is refused that are read all
+the same: a browser hears no answer before it has sent all, and none if the connection breaks."""
 PATIENCE = 30
 """Seconds after which a connection that sends nothing is closed."""
 
@@ -31,12 +32,12 @@ class Studio(ThreadingHTTPServer):
 
     Args:
         folder: where runs lie; nothing else is shown.
-        host: where to listen. Others than this machine may ask if it is no loopback address, with the token.
+        host: where to listen. Others than this machine may ask if it is no loopback address.
         port: 0 for any that is free.
         trust: import code of runs outside this package.
 
     Attributes:
-        address: to open in a browser, with the token if there is one.
+        address: to open in a browser, with the token, without which nobody may ask.
 
     Raises:
         UserError: if there is no such folder, or the port is taken.
@@ -67,14 +68,12 @@ class Studio(ThreadingHTTPServer):
             why = getattr(error, "strerror", None) or error
             raise UserError(f"--host {host} --port {port}: {why}; give another --host or --port (0 for any)") from None
         self.host, self.port = host, int(self.server_address[1])
-        token = None if host in LOOPBACK else secrets.token_urlsafe(24)
-        self.guard = Guard.of(host, self.port, token)
+        self.guard = Guard.of(host, self.port, secrets.token_urlsafe(24))
         self.address = self.address_at(host)
 
     def address_at(self, host: str) -> str:
-        """Return the address by which it is opened at a name of this machine, with the token if one is needed."""
-        token = self.guard.token
-        return f"http://{authority(host, self.port)}/" + ("" if token is None else f"?token={token}")
+        """Return the address by which it is opened at a name of this machine."""
+        return f"http://{authority(host, self.port)}/?token={self.guard.token}"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of connections that break off: browsers do that all the time."""
@@ -112,33 +111,30 @@ class Handler(BaseHTTPRequestHandler):
             cookie = f"{self.server.guard.cookie}={query['token']}; HttpOnly; SameSite=Strict; Path=/"
             self._send(Answer(b"", "text/plain", 303, {"Location": "/", "Set-Cookie": cookie}))
             return
-        refused = self.server.guard.refusal(self.headers)  # pyright: ignore[reportArgumentType]
+        page = method == "GET" and address.path in PAGE
+        refused = self.server.guard.refusal(self.headers, page)  # pyright: ignore[reportArgumentType]
         if refused:
-            self.close_connection = True  # what was sent along is not read
-            self._send(of_json({"error": refused}, 403))
+            self._refuse(refused, 403)
             return
-        body = self._body() if method == "POST" else b""
-        if body is None:
-            self.close_connection = True
-            self._send(
-                of_json(
-                    {"error": f"larger than {MAX_REQUEST_BYTES // 1_000_000} MB, or of a size that is not told"}, 413
-                )
-            )
+        length = self._length() if method == "POST" else 0
+        if length is None or length > MAX_REQUEST_BYTES:
+            self._refuse(_too_large(query.get("name", ""), length), 413)
             return
-        request = Request(query, body, self.headers.get("If-None-Match"))
+        request = Request(query, self.rfile.read(length), self.headers.get("If-None-Match"))
         self._send(respond(self.server.state, method, address.path, request))
 
-    def _body(self) -> bytes | None:
-        """Return what was sent; None if it is too long, or does not say how long it is."""
+    def _length(self) -> int | None:
+        """Return how many bytes are sent along; None if that is not told."""
         length = self.headers.get("Content-Length", "")
-        if (
-            not re.fullmatch("[0-9]{1,12}", length)
-            or int(length) > MAX_REQUEST_BYTES
-            or "Transfer-Encoding" in self.headers
-        ):
-            return None
-        return self.rfile.read(int(length))
+        told = re.fullmatch("[0-9]{1,12}", length) and "Transfer-Encoding" not in self.headers
+        return int(length) if told else None
+
+    def _refuse(self, said: str, status: int) -> None:
+        self.close_connection = True
+        self._send(of_json({"error": said}, status))
+        left = min(self._length() or 0, MAX_REFUSED_BYTES)
+        while left > 0 and (part := self.rfile.read1(min(left, 2**16))):  # pyright: ignore[reportAttributeAccessIssue]
+            left -= len(part)
 
     def _send(self, answer: Answer) -> None:
         self.send_response(answer.status)
@@ -158,6 +154,13 @@ class Handler(BaseHTTPRequestHandler):
         self.end_headers()
         if answer.status != 304:
             self.wfile.write(answer.content)
+
+
+def _too_large(name: str, length: int | None) -> str:
+    if length is None:
+        return "what is sent does not say how large it is"
+    remedy = f"give at most {MAX_REQUEST_BYTES // 1_000_000} MB: a picture of fewer pixels, or light at 2K"
+    return f"{name[:80] or 'this'}: is {length / 1e6:.0f} MB; {remedy}"
 
 
 def respond(state: State, method: str, path: str, request: Request) -> Answer:

@@ -60,6 +60,14 @@ export async function answerTo(path, query, options) {
 
 export const ask = async (...asked) => (await answerTo(...asked)).json();
 
+const LIMIT = 40000000; // bytes, as the server has it
+
+// A file that may be sent; what is too large is said before it is.
+export function sendable(file, remedy) {
+  if (file.size > LIMIT) throw new Error(`${file.name} is ${Math.round(file.size / 1e6)} MB; give at most ${LIMIT / 1e6} MB, ${remedy}.`);
+  return file;
+}
+
 export function say(error) {
   if (error && error.name === "AbortError") return;
   trouble.textContent = error ? error.message || String(error) : "";
@@ -103,7 +111,7 @@ export function repeatedly(seconds, work) {
 
 // Calls work(value) with the newest value only, one call at a time: a slider moves faster than meshes are made.
 export function latest(work) {
-  let waiting = null, busy = false;
+  let waiting = null, busy = false, failed = false;
   const { signal } = open.left;
   return async function call(value) {
     waiting = [value];
@@ -112,7 +120,11 @@ export function latest(work) {
     while (waiting && !signal.aborted) {
       const [one] = waiting;
       waiting = null;
-      try { await work(one); say(null); } catch (error) { say(error); }
+      try {
+        await work(one);
+        if (failed) say(null); // what others have said stays
+        failed = false;
+      } catch (error) { say(error); failed = true; }
     }
     busy = false;
   };

@@ -1,5 +1,5 @@
 // Fit: a picture is dropped, and the sample behind it is found while one watches.
-import { ask, keep, make, say } from "/assets/app.js";
+import { ask, keep, make, say, sendable } from "/assets/app.js";
 import { title, withRun } from "/assets/choose.js";
 import { stageView } from "/assets/explore.js";
 import { exportBar } from "/assets/export.js";
@@ -52,7 +52,7 @@ function fits(root, query) {
   async function give(name, content, own = {}) {
     say(null);
     const asked = { run: query.run, name, ...own, observation: observation.value, view: view.value, scale: scale.value, search: search.value || "quick", novelty: novelty.checked ? 1 : 0 };
-    const { fit } = await ask("/api/fit", asked, { method: "POST", body: content });
+    const { fit } = await ask("/api/fit", asked, { method: "POST", body: content && sendable(content, "such as a picture of fewer pixels") });
     facing = true;
     begin(fit);
     if (!content || /\.npz$/i.test(name)) return;

@@ -1,5 +1,5 @@
 // Materials: a tile, a plane or a ball under a light; the server's own operator renders it.
-import { answerTo, ask, keep, latest, make, say } from "/assets/app.js";
+import { answerTo, ask, keep, latest, make, say, sendable } from "/assets/app.js";
 import { newerWeights, title, withRun } from "/assets/choose.js";
 import { fillGrid } from "/assets/explore.js";
 import { exportBar, store } from "/assets/export.js";
@@ -110,8 +110,9 @@ function materials(root, query) {
     event.preventDefault();
     const [file] = event.dataTransfer.files;
     if (!file) return;
+    say(null);
     try {
-      const found = await ask("/api/light", { name: file.name }, { method: "POST", body: file });
+      const found = await ask("/api/light", { name: file.name }, { method: "POST", body: sendable(file, "for example at 2K") });
       if (![...lights.options].some((option) => option.value === found.light)) lights.append(make("option", { value: found.light }, file.name));
       lights.value = seen.light = found.light;
       look();
