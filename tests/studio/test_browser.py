@@ -338,6 +338,66 @@ def test_a_dropped_probe_lights_the_material(tab: Tab, tmp_path: Path) -> None:
     tab.page.wait_for_function("() => location.hash.includes('light=dropped-')")
 
 
+def test_what_was_changed_in_explore_is_lit_as_it_is(tab: Tab) -> None:
+    tab.go("explore?run=wood&pick=2&slides=1,-0.5&truncation=0.8")
+    tab.page.click("text=Light it")
+    tab.until("samples a pixel")
+    for path in ("/api/render?", "/api/maps?"):
+        asked = [url for url in tab.asked if path in url]
+        assert asked and all("slides=1%2C-0.5" in url and "truncation=0.8" in url and "pick=2" in url for url in asked)
+    tab.page.wait_for_selector(".maps figure")
+    tab.page.click("text=Change it in Explore")
+    tab.page.wait_for_selector(".stage canvas")
+    assert "slides=1%2C-0.5" in tab.page.url and "truncation=0.8" in tab.page.url
+
+
+def test_maps_are_asked_for_once_at_a_time(tab: Tab) -> None:
+    tab.go("materials?run=wood&pick=0&other=1&mix=0.1")
+    tab.page.wait_for_selector(".picks .cells button")
+    held: list[Any] = []
+    tab.page.route("**/api/maps?*", lambda route: held.append(route))
+    tab.page.focus("#mix input")
+    for _ in range(8):
+        tab.page.keyboard.press("ArrowRight")
+    tab.page.wait_for_timeout(500)
+    assert len(held) == 1
+    held[0].continue_()
+    while len(held) < 2:
+        tab.page.wait_for_timeout(50)
+    assert "mix=0.18" in held[1].request.url
+
+
+def test_arrows_move_camera_and_light_as_a_hand_does(tab: Tab) -> None:
+    """Up is the same for both: the camera goes below as in Explore, the light goes up; and there is no last turn."""
+    tab.go("materials?run=wood&light=directional&view=40&around=-179&polar=45")
+    tab.until("samples a pixel")
+    tab.page.focus(".rendering")
+
+    def reached(name: str, condition: str) -> None:
+        number = f"Number(new URLSearchParams(location.hash.split('?')[1]).get('{name}'))"
+        tab.page.wait_for_function(f"() => {{ const n = {number}; return {condition}; }}")
+
+    def dragged_up() -> None:
+        box = tab.page.locator(".rendering").bounding_box()
+        tab.page.mouse.move(box["x"] + 90, box["y"] + 90)
+        tab.page.mouse.down()
+        tab.page.mouse.move(box["x"] + 90, box["y"] + 70, steps=3)
+        tab.page.mouse.up()
+
+    tab.page.keyboard.press("ArrowUp")
+    reached("view", "n === 46")
+    dragged_up()
+    reached("view", "n > 46")
+    tab.page.keyboard.press("Shift+ArrowUp")
+    reached("polar", "n === 39")
+    tab.page.keyboard.down("Shift")
+    dragged_up()
+    tab.page.keyboard.up("Shift")
+    reached("polar", "n < 39")
+    tab.page.keyboard.press("ArrowRight")
+    reached("around", "n > 170")
+
+
 @pytest.mark.parametrize("place, name", [("materials?run=wood", "probe.exr"), ("fit?run=chairs", "photo.png")])
 def test_a_file_that_is_too_large_is_said_before_it_is_sent(tab: Tab, place: str, name: str) -> None:
     tab.go(place)

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import base64
+import io
 import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 from torch import Tensor, nn
 
 from unproject.assignment import Panel
 from unproject.cli import main
-from unproject.data import Collection
-from unproject.domains import Images
+from unproject.data import Collection, metal
+from unproject.domains import Images, Maps
 from unproject.networks import Discriminator, Generator, ImageGenerator, SmoothImageGenerator
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.studio.answers import Request
-from unproject.studio.explore import file_name
+from unproject.studio.explore import file_name, thumbnail
 from unproject.studio.space import DIRECTIONS, PICKS, Space, slerp
 from unproject.studio.state import State
 from unproject.training import Recipe, Run, checkpoint, train
@@ -164,7 +167,19 @@ NAMED = {
 
 @pytest.mark.parametrize("name, query", NAMED.items(), ids=list(NAMED))
 def test_files_are_named_by_the_sample_as_export_counts_them(name: str, query: dict[str, object]) -> None:
-    assert file_name(Request({"run": "folder/toy", **{k: str(v) for k, v in query.items()}})) == name
+    assert file_name("toy", Request({k: str(v) for k, v in query.items()})) == name
+
+
+def test_metals_are_not_black_in_the_grid() -> None:
+    """They have no diffuse albedo; and a specular map means what the domain says."""
+    maps = metal(1, 32, 0)
+    maps[:, :3] = 0
+    seen = []
+    for domain in (Maps("albedo"), Maps("eta")):
+        content = base64.b64decode(thumbnail(domain, maps).uri.partition(",")[2])
+        with Image.open(io.BytesIO(content)) as picture:
+            seen.append(float(np.asarray(picture.convert("L")).mean()))
+    assert min(seen) > 20 and abs(seen[0] - seen[1]) > 5
 
 
 def test_a_run_that_was_made_again_is_opened_again(runs: Path, tmp_path: Path) -> None:

@@ -207,6 +207,11 @@ def test_what_is_exported_is_what_is_shown(shapes: State) -> None:
         assert np.allclose(arrays["volume"], shown.numpy())
 
 
+def test_files_of_a_run_that_was_opened_itself_have_its_name(shapes: State) -> None:
+    name, _ = file_of(State(shapes.folder.given / "chairs"), "/api/export", run=".", to="npz", pick=3)
+    assert name == "chairs-03.npz"
+
+
 def test_several_files_are_packed() -> None:
     maps = torch.as_tensor(wood(1, 16, 0)).float()
     answer = exported(Maps(), maps, "maps", "../new wood")

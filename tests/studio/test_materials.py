@@ -137,6 +137,12 @@ def test_what_cannot_be_rendered_is_refused(woods: State, query: dict[str, objec
     assert rendered(woods, **query)[0] in (400, 404)
 
 
+@pytest.mark.parametrize("angle", ["around", "turn"])
+def test_camera_and_light_may_turn_for_ever(woods: State, angle: str) -> None:
+    pictures = [rendered(woods, light="directional", samples=4, **{angle: turn}) for turn in (-6, -3606)]
+    assert pictures[0][0] == 200 and pictures[0] == pictures[1]
+
+
 def test_a_run_of_shapes_has_no_materials(runs: Path, said: Said) -> None:
     status, found = said(State(runs), "/api/maps", run="toy")
     assert status == 400 and "makes no materials" in found["error"]

@@ -97,6 +97,7 @@ def test_the_folder_may_be_a_run(runs: Path, said: Said) -> None:
     _, found = said(State(runs / "toy"), "/api/runs")
     assert [run["name"] for run in found["runs"]] == ["."]
     assert said(State(runs / "toy"), "/api/run", run=".")[0] == 200
+    assert said(State(runs / "toy"), "/api/newest", run=".")[1]["title"] == "toy"
 
 
 def test_what_is_there_already_is_not_sent_again(runs: Path) -> None:
@@ -358,6 +359,17 @@ def test_watching_a_run_reads_and_draws_what_is_new_alone(
 def test_a_folder_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["studio", str(tmp_path / "none")]) == 2
     assert "there is no such folder; give the one that holds runs" in capsys.readouterr().err
+
+
+def test_no_example_is_put_into_a_run(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would not be seen there."""
+    monkeypatch.setattr("unproject.studio.serve", lambda *of: None)
+    shutil.copytree(runs / "toy", tmp_path / "toy")
+    assert main(["studio", str(tmp_path / "toy"), "--example"]) == 2
+    assert "give the folder that holds runs" in capsys.readouterr().err
+    assert not (tmp_path / "toy" / "example-chairs").exists()
 
 
 def test_a_port_that_is_taken(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:

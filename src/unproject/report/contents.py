@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ class Contents:
         """Return the name of the run's folder."""
         return self.path.resolve().name or str(self.path)
 
-    @property
+    @cached_property
     def seconds(self) -> float:
         """Return how long it was trained, by its log."""
         return max((number(line.get("seconds")) or 0.0 for line in self.lines), default=0.0)
@@ -66,7 +67,7 @@ class Contents:
         nearly = timed and (not self.lines or self.progress > NEARLY)
         return self.progress >= 1 or (self.verdict is not None and nearly)
 
-    @property
+    @cached_property
     def progress(self) -> float:
         """Return the part of recipe.json's budget that is spent."""
         # The last steps are not logged: the log is written every so many.

@@ -48,8 +48,10 @@ def put_example(name: str, folder: Path) -> Path:
     """Copy a run that comes with the package into a folder of runs, unless it is there; return its directory.
 
     Raises:
-        UserError: if there is none of that name.
+        UserError: if there is none of that name, or the folder is a run itself, in which no others are looked for.
     """
+    if (folder / "recipe.json").is_file():
+        raise UserError(f"{folder}: is a run itself, in which no other is seen; give the folder that holds runs")
     path = folder / f"example-{name}"
     if not (path / "recipe.json").is_file():
         with filled_folder(path) as staging:

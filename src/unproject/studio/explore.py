@@ -10,7 +10,7 @@ from torch import Tensor
 from .. import export
 from .._types import UserError
 from ..domains import Domain
-from ..ops.maps import unpack_maps
+from ..domains.maps import under_a_lamp
 from ..report.materials import is_material, material_data
 from ..report.pictures import Picture, picture_of
 from ..report.shapes import is_drawable, shape_data
@@ -60,8 +60,8 @@ def thumbnail(domain: Domain, x: Tensor) -> Picture:
     """Return a small picture of one sample (1, ...)."""
     if is_drawable(x) and domain.name == "volume":
         return picture_of(export.gallery(x, size=CELL, columns=1), "a shape")
-    if is_material(domain, x):
-        lit = unpack_maps(x)["diffuse"].clamp(0, 1) ** (1 / 2.2)
+    if is_material(domain, x):  # diffuse alone, metals would be black
+        lit = under_a_lamp(x, domain.fresnel)  # pyright: ignore[reportAttributeAccessIssue]
         return picture_of(export.picture_sheet(lit, columns=1), "a material", CELL)
     if domain.name == "image":
         return picture_of(export.picture_sheet(x, columns=1, cell=CELL), "an image", CELL)
@@ -95,15 +95,15 @@ def download(state: State, request: Request) -> Answer:
 
     def file() -> Answer:
         space = space_of(state, request)
-        return exported(space.run.domain, at_place(space, request), request.text("to"), file_name(request))
+        name = file_name(space.run.path.resolve().name, request)
+        return exported(space.run.domain, at_place(space, request), request.text("to"), name)
 
     return state.compute(file)
 
 
-def file_name(request: Request) -> str:
+def file_name(run: str, request: Request) -> str:
     """Return the name of a sample's file: run and number, as `export` counts them, and whether it was changed."""
-    pick = request.whole("pick", 0, 0, PICKS - 1)
-    name = f"{request.text('run').rpartition('/')[2]}-{pick:02d}"
+    name = f"{run}-{request.whole('pick', 0, 0, PICKS - 1):02d}"
     if request.text("other", "") and request.number("mix", 0, 0, 1):
         name += f"-to-{request.whole('other', 0, 0, PICKS - 1):02d}"
     changed = request.text("slides", "") or request.number("truncation", 1, 0, 1) < 1

@@ -84,12 +84,17 @@ def _scene(state: State, request: Request) -> Scene:
     return Scene(
         cast(Form, form),
         math.radians(request.number("view", 60, 0, STEEPEST)),
-        math.radians(request.number("around", -90, -3600, 3600)),
+        _turned(request, "around", -90),
         light if light in LAMPS else _environment(state, light),
         math.radians(request.number("polar", 45, 0, STEEPEST)),
-        math.radians(request.number("turn", 0, -3600, 3600)),
+        _turned(request, "turn", 0),
         request.whole("samples", 32, 2, SAMPLES),
     )
+
+
+def _turned(request: Request, name: str, default: float) -> float:
+    """Return an angle in radians, after however many turns."""
+    return math.radians(request.number(name, default, -1e9, 1e9) % 360)
 
 
 def _environment(state: State, name: str) -> Environments:

@@ -137,7 +137,8 @@ def newest(state: State, request: Request) -> Answer:
     """Answer with what a run makes, how far it is and of which step its newest weights are."""
     summary = _readable(state, request.text("run"))
     told = {name: summary[name] for name in ("kind", "step", "trained", "first", "unfinished")}
-    return of_json({**told, "training": _trains(state, summary)})
+    title = state.folder.run(summary["name"]).resolve().name  # a run that was opened itself is called "."
+    return of_json({**told, "title": title, "training": _trains(state, summary)})
 
 
 def picture(state: State, request: Request) -> Answer:

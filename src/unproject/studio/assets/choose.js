@@ -29,7 +29,7 @@ export function withRun(root, query, panel, kinds, show) {
     } else if (run.step) {
       stop();
       root.replaceChildren();
-      close = show(root, query) || close;
+      close = show(root, query, run.title) || close;
     } else said.textContent = `Nothing can be shown yet. ${comingSoon(run)}`;
   });
   return () => { stop(); close(); };

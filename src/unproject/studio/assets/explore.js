@@ -1,12 +1,12 @@
 // Explore: turn a sample, move it along the directions in which samples differ most, go from one pick to another.
-import { ask, keep, latest, make, say } from "/assets/app.js";
+import { ask, keep, latest, link, make, say } from "/assets/app.js";
 import { newerWeights, title, withRun } from "/assets/choose.js";
 import { exportBar, pictureButton } from "/assets/export.js";
 
 export const explorePanel = (root, query) => withRun(root, query, "explore", ["volumes", "images", "maps", ""], explore);
 
 // All that is shown and downloaded is of one step's weights, which the address names, however far training goes meanwhile.
-function explore(root, query) {
+function explore(root, query, name) {
   const place = {
     step: query.step === undefined ? null : Number(query.step),
     pick: Number(query.pick || 0), other: query.other === undefined ? null : Number(query.other), mix: Number(query.mix || 0),
@@ -16,9 +16,9 @@ function explore(root, query) {
     run: query.run, step: place.step, pick: place.pick, other: place.other, mix: place.other === null ? null : place.mix,
     truncation: place.truncation, slides: place.slides.some(Boolean) ? place.slides.join(",") : "",
   });
-  const stage = make("div.stage"), note = make("p.small", "drawing …"), controls = make("div.controls"), grid = make("div.picks");
+  const stage = make("div.stage"), note = make("p.small", "drawing …"), light = make("p", { hidden: true }, make("a", "Light it")), controls = make("div.controls"), grid = make("div.picks");
   const newer = newerWeights(query.run, () => place.step);
-  root.append(title(query.run), newer.bar, make("div.explorer", make("section", stage, note, make("h2", "Samples"), grid), make("section", controls)));
+  root.append(title(query.run), newer.bar, make("div.explorer", make("section", stage, note, light, make("h2", "Samples"), grid), make("section", controls)));
   const view = stageView(stage, query);
 
   const draw = latest(async () => {
@@ -26,6 +26,8 @@ function explore(root, query) {
     const found = await ask("/api/sample", asked());
     if (place.step === null) { place.step = found.step; keep({ step: found.step }); }
     view.show(found);
+    light.hidden = found.kind !== "materials";
+    light.firstChild.href = link("materials", asked());
     const about = found.kind === "shapes" ? `${found.items[0].triangles.toLocaleString("en")} triangles, ` : "";
     note.textContent = `Sample ${place.pick} of step ${found.step.toLocaleString("en")}: ${about}drawn in ${Math.round(performance.now() - began)} ms. ${found.kind === "picture" ? "" : HOW[found.kind]}`;
   });
@@ -39,7 +41,7 @@ function explore(root, query) {
   draw(null).then(() => closed ? null : fillGrid(grid, query, place, changed)).then((found) => {
     if (closed) return;
     const bar = exportBar(found.formats, found.format, "/api/export", asked);
-    bar.append(pictureButton(() => stage.querySelector("canvas, img"), () => `${query.run}-${String(place.pick).padStart(2, "0")}-view`));
+    bar.append(pictureButton(() => stage.querySelector("canvas, img"), () => `${name}-${String(place.pick).padStart(2, "0")}-view`));
     controls.append(make("h2", "Export"), bar);
   }).catch(say);
   return () => { closed = true; newer.stop(); view.close(); };
