@@ -151,12 +151,12 @@ def test_a_link_may_lead_to_the_page_from_anywhere(runs: Path, headers: dict[str
     headers = {"Sec_Fetch_Mode": "navigate", "Sec_Fetch_Dest": "document", **headers}
     with served(runs) as studio:
         for path in ("/", "/assets/app.js"):
-            status, told, content = ask(studio, path, **headers)
-            assert status == 200 and b"<title>unproject studio" in content or b"hashchange" in content
+            status, told, content = ask(studio, path, "GET", None, **headers)
+            assert status == 200 and (b"<title>unproject studio" in content or b"hashchange" in content)
             assert "frame-ancestors 'none'" in told["Content-Security-Policy"]
-        assert ask(studio, "/api/runs", **headers)[0] == 403
+        assert ask(studio, "/api/runs", "GET", None, **headers)[0] == 403
         assert ask(studio, "/", "POST", b"", **headers)[0] in (403, 404)
-        assert ask(studio, "/", **{**headers, "Host": "evil.example"})[0] == 403
+        assert ask(studio, "/", "GET", None, **{**headers, "Host": "evil.example"})[0] == 403
 
 
 def test_a_port_that_is_forwarded_as_another_is_told_how_to_be_the_same(runs: Path) -> None:
