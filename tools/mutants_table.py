@@ -2642,7 +2642,7 @@ TRAINING = (
     mutant(
         "splitting: mirror images are other pictures",
         "data/splitting.py",
-        'own = [name.removesuffix(FLIPPED) for name in names]',
+        "own = [name.removesuffix(FLIPPED) for name in names]",
         "own = list(names)",
         "data/test_splitting.py",
     ),
