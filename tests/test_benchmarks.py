@@ -155,7 +155,7 @@ def test_arms_of_another_budget_are_trained(
     module: ModuleType = named(name)  # type: ignore[operator]
     taken: list[object] = []
     scores = dict.fromkeys(("mmd_ratio", "mmd_of_hulls", "cov_ratio", "cov_of_hulls", "in_one_piece", "mmd"), 1.0)
-    scores |= dict.fromkeys(("frechet", "recall", "frechet_turned", "precision_turned", "recall_turned"), 1.0)
+    scores |= dict.fromkeys(("frechet", "recall", "frechet_turned", "precision_turned", "recall_turned", "steps"), 1.0)
     monkeypatch.setattr(module, "run_arm", lambda *arm: taken.append(arm) or scores)
     monkeypatch.setattr(module, "count_cpu_seconds", lambda: None)
     monkeypatch.setattr(module, "prepare", lambda *about: tmp_path, raising=False)
