@@ -1924,9 +1924,9 @@ METRICS = (
     ),
     mutant(
         "pixel scores: the distance grows with the number of pixels",
-        "metrics/image_scores.py",
-        "return torch.cdist(x, y) / x.shape[1] ** 0.5",
-        "return torch.cdist(x, y)",
+        "metrics/picture_sets.py",
+        "(torch.cdist(a - middle, b - middle) / max(a.shape[1], 1) ** 0.5).float()",
+        "torch.cdist(a - middle, b - middle).float()",
         "metrics/test_image_scores.py",
     ),
     mutant(
