@@ -109,7 +109,7 @@ def _entry(job: Job, name: str, rows: list[int], k: int, count: int) -> dict[str
     file = job.out / name / "fit.json"
     if not file.is_file():
         some, begin = job.found.subset(rows), time.perf_counter()
-        fit = job.fitter.fit(some.floats(), some.latents)
+        fit = job.fitter.fit(some.floats(), some.latents, converted=True)
         entry = {"name": name, **described(job, some, fit), "seconds": round(time.perf_counter() - begin, 2)}
         _write_fit(job, file.parent, some.floats(), fit)
         _write_text(file, json.dumps(entry, indent=1))

@@ -37,7 +37,7 @@ from ..networks import Generator
 from .candidates import Candidates, each, rows
 from .consistency import MAX_ENTRIES, Readings
 from .fit import Fit
-from .given import Pictures, check_pictures
+from .given import Pictures, check_pictures, warn_of_unit
 from .search import Search
 from .tuning import tuned
 from .viewing import Latents, Viewing
@@ -92,7 +92,14 @@ class Fitter:
         """Raise UserError if there is no picture, one is not finite, or they are of another size than projections."""
         check_pictures(pictures, self.candidates.projections)
 
-    def fit(self, pictures: Tensor | np.ndarray, known: Latents | None = None, watch: Watch = lambda *of: None) -> Fit:
+    def fit(
+        self,
+        pictures: Tensor | np.ndarray,
+        known: Latents | None = None,
+        watch: Watch = lambda *of: None,
+        *,
+        converted: bool = False,
+    ) -> Fit:
         """Return explanations of pictures (M, ...) of one object.
 
         Args:
@@ -100,6 +107,7 @@ class Fitter:
                 readings); or of bytes, which are scaled as `Collection` does.
             known: latents of the views that are known, by name, (M,) each; angles in radians.
             watch: told of each step; what it raises ends the fit.
+            converted: pictures are known to be in the unit of projections: nothing is said of it.
 
         Warns:
             UserWarning: if pictures are over ten times as bright as projections of samples are, or known latents lie
@@ -111,6 +119,8 @@ class Fitter:
         """
         pictures = as_floats(pictures)
         self.check(pictures)
+        if not converted:
+            warn_of_unit(pictures, self.candidates.projections)
         of = Pictures.of(pictures, known or {}, self.viewing)
         rng = generator_at(self.seed, 0, "fit")
         with _without_gradient(self.generator):

@@ -64,6 +64,10 @@ def check_pictures(y: Tensor, projections: Tensor) -> None:
         raise UserError(f"{len(y)} pictures of {given}; give at least one, of {wanted} as in training")
     if not bool(y.isfinite().all()):
         raise UserError("fit: pictures have values that are NaN or infinite; replace them, or leave them out")
+
+
+def warn_of_unit(y: Tensor, projections: Tensor) -> None:
+    """Warn of pictures that are far brighter than the projections of samples."""
     most, usual = y.abs().max().item(), projections.abs().max().item()
     if most > OTHER_UNIT * max(usual, MIN_LARGEST):
         warnings.warn(

@@ -167,7 +167,7 @@ class Explanation:
         self.asked = replace(asked, name=asked.name or found.names[0])
         self.pictures = pictures = found.floats()
         self._now("comparing it with samples")
-        fit = fitter.fit(pictures, found.latents, self._watch)
+        fit = fitter.fit(pictures, found.latents, self._watch, converted=True)
         self.x, self.projected, self.why = fit.x[:1], fit.projected, doubts(run, fit, None)
         self.fit = fit
         if asked.novelty:
