@@ -306,7 +306,7 @@ def test_latents_of_ones_own_are_no_angles() -> None:
     given = given_view("30,2.5", ("azimuth", "distance"))
     assert given == {"azimuth": pytest.approx(math.radians(30)), "distance": 2.5}
     assert given_view("7", ("start",)) == {"start": 7.0}
-    with pytest.raises(UserError, match="--view north: give azimuth, start, angles in degrees, with commas between"):
+    with pytest.raises(UserError, match="--view north: give azimuth in degrees, start as it is, with commas between"):
         given_view("north", ("azimuth", "start"))
     theta = {"azimuth": torch.full((1, 1), 0.5), "start": torch.full((1, 1), 26.88)}
     assert view_of(SimpleNamespace(theta=theta), 0, 0) == {"azimuth": 28.6, "start": 26.9}  # pyright: ignore

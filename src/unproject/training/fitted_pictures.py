@@ -285,8 +285,8 @@ def given_view(view: str, latents: Sequence[str]) -> dict[str, float]:
     given = dict(zip(latents, numbers, strict=False))
     beyond = any(abs(value) > MAX_ANGLE for name, value in given.items() if name in ANGLES)
     if not 1 <= len(numbers) <= len(latents) or beyond or not all(map(math.isfinite, numbers)):
-        names = ", ".join(name if name in ANGLES else f"{name} (as it is)" for name in latents)
-        what = f"degrees of {names}" if {*latents} <= {*ANGLES} else f"{names}; {', '.join(ANGLES)} in degrees"
+        mixed = ", ".join(f"{name} in degrees" if name in ANGLES else f"{name} as it is" for name in latents)
+        what = f"degrees of {', '.join(latents)}" if {*latents} <= {*ANGLES} else mixed
         raise UserError(f"--view {view}: give {what}, with commas between")
     if latents[0] == "view" and not abs(numbers[0]) < 90:
         raise UserError(f"--view {view}: the camera must be above the material, less than 90 degrees from the normal")
