@@ -9,8 +9,6 @@ from .figure import Arm, Budget
 
 MINUTES = 9.0
 """Of training in the cpu budget; with its start and its scores an arm takes about ten."""
-STEPS = 1400
-"""Of metal and plastic in the cpu budget, for results that were made before materials had minutes."""
 PREDICTOR = {"predictor_steps": 200, "predictor_images": 2048}
 """Of the paper's view predictor in the cpu budget; the released code has 100,000 and 65,536."""
 
@@ -27,8 +25,7 @@ SIZES: Mapping[Budget, Mapping[str, Mapping[str, Any]]] = {
         },
         "digits": {"size": 32, "minutes": MINUTES},
         "digits-paper": {"size": 32, "channels": 128, "discriminator_channels": 16, "minutes": MINUTES},
-        **dict.fromkeys(("wood", "correlated"), {"size": 64, "minutes": MINUTES}),
-        **dict.fromkeys(("metal", "plastic"), {"size": 64, "steps": STEPS}),
+        **dict.fromkeys(("wood", "metal", "plastic", "correlated"), {"size": 64, "minutes": MINUTES}),
         **dict.fromkeys(
             ("wood-paper", "metal-paper", "plastic-paper"),
             {"size": 64, "channels": 128, "discriminator_channels": 16, "batch": 16, "samples": 8, "minutes": MINUTES},

@@ -6,10 +6,8 @@ GENERAL = (
     "Each figure has two kinds of arms. Arms with a recipe NAME-paper keep the paper's networks, losses and rates as "
     "far as it gives them, with the deviations listed below. The others are this project's recipes (relativistic loss "
     "with R1 + R2, other generators), which train in minutes on a laptop.",
-    "In the cpu budget an arm has nine minutes; modern arms of metal and plastic have 1,400 steps instead, so their "
-    "minutes differ, also between the seeds of an arm (the tables say how many). The paper's recipes are narrower "
-    "there (see each command below) and far from converged: they say only what they reach in that time. The gpu budget "
-    "has the paper's sizes.",
+    "In the cpu budget an arm has nine minutes. The paper's recipes are narrower there (see each command below) and "
+    "far from converged: they say only what they reach in that time. The gpu budget has the paper's sizes.",
     "The paper shows pictures only. Here every claim is tested on scores, and an effect within the variance between "
     "seeds is undecided.",
     "Wood verified by artists, SVBRDFs of metal and plastic, 98 light probes and the photographs are not public in "

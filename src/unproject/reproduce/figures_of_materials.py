@@ -53,12 +53,6 @@ OWN_WOOD = (
     "drawn anew."
 )
 
-MINUTES = {
-    name: "In the cpu budget minutes are unequal: the paper's recipe has nine, this project's arms have 1,400 steps, "
-    "and the table says how long they took, alone or beside other work."
-    for name in ("plastic", "metal")
-}
-
 MATERIALS: tuple[Figure, ...] = (
     Figure(
         "fig7",
@@ -290,7 +284,6 @@ MATERIALS: tuple[Figure, ...] = (
             deviations=(
                 "Photographs of OpenSurfaces are not public in that form: renderings under light that is not used in "
                 "training replace them (with --data, under 22 of 45 real probes).",
-                MINUTES[material],
                 NARROW,
             ),
         )
