@@ -19,10 +19,10 @@ def pictures(n: int, seed: int) -> torch.Tensor:
 @pytest.mark.parametrize("offset", [0.9, 100.0, 1e4])
 def test_what_pictures_have_in_common_costs_no_digits(offset: float) -> None:
     rng = torch.Generator().manual_seed(0)
-    a, b = (offset + torch.randn(4, 1, 16, 16, generator=rng) for _ in "ab")
+    a, b = (offset + torch.randn(40, 1, 16, 16, generator=rng) for _ in "ab")
     plain = (a[:, None].double() - b[None].double()).square().mean((2, 3, 4)).sqrt().float()
     torch.testing.assert_close(root_mean_square(a, b), plain, rtol=1e-5, atol=0)
-    assert root_mean_square(a, a).diagonal().max() < 1e-6 * offset
+    assert root_mean_square(a, a).diagonal().max() < 1e-6  # of 32 bits up to 1e-3
 
 
 def test_the_distance_is_the_root_mean_square_difference() -> None:
