@@ -478,7 +478,8 @@ def test_a_picture_is_dropped_explained_and_downloaded(tab: Tab, tmp_path: Path)
     tab.page.evaluate("() => { Math.random = () => 0.5; }")  # some of its own pictures have empty explanations
     tab.page.click("text=Take one of its own pictures")
     tab.page.wait_for_function("before => location.href !== before", arg=fit)
-    assert "seat.png" not in tab.page.inner_text(".fitter")  # nor "Done", before anything is known of the new one
+    cleared = "() => !document.querySelector('.fitter').innerText.includes('seat.png')"
+    tab.page.wait_for_function(cleared)  # nor "Done", before anything is known of the new one: answers are held
     tab.page.route("**/api/fit?fit=*", lambda route: route.continue_())
     while held:
         held.pop().continue_()
