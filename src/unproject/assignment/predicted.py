@@ -100,7 +100,7 @@ class PredictedState(PredictingState):
 
     Attributes:
         round: number of the last round done, 0 before the first; a larger budget begins with other numbers, see
-            `_number_due`. `fitting`: the round in progress, or 0; `fitted`: steps of its fit that are done.
+            `_number_anew`. `fitting`: the round in progress, or 0; `fitted`: steps of its fit that are done.
         last: the training step of the last round.
     """
 
@@ -136,6 +136,7 @@ class PredictedState(PredictingState):
             self._assign(run, initialiser(self.panel.observations, items, seed), rows, seed, event="initialised")
         if self.fitting:
             return self._continue_round(run)
+        self._number_anew(run.progress)
         due, rounds = self._number_due(run.progress), self.settings.rounds
         if due <= self.round or (self.round > 0 and run.step - self.last < rounds.least_steps):
             self._cover_what_is_left(run)
@@ -165,8 +166,8 @@ class PredictedState(PredictingState):
             self.coverage.expire()
         return True
 
-    def _number_due(self, progress: float) -> int:
-        """Return the number of the last round that should have started by then.
+    def _number_anew(self, progress: float) -> None:
+        """Raise the numbers of rounds if the budget has grown.
 
         A run that goes on with a larger budget is less far than it was: it goes through the rounds of its budget again,
         by numbers that none of them had, since seeds follow from numbers.
@@ -174,9 +175,12 @@ class PredictedState(PredictingState):
         due, count = self.settings.rounds.due(progress), len(self.settings.rounds.starts) + 1
         before, done = divmod(int(self.round), count)
         if due < done:
-            before += 1
-            self.round.fill_(before * count + due)
-        return before * count + due
+            self.round.fill_((before + 1) * count + due)
+
+    def _number_due(self, progress: float) -> int:
+        """Return the number of the last round that should have started by then."""
+        count = len(self.settings.rounds.starts) + 1
+        return int(self.round) // count * count + self.settings.rounds.due(progress)
 
     def _begin_round(self, due: int, run: Context) -> None:
         if self.settings.fit.fresh:
