@@ -12,9 +12,11 @@ from comparing import differences, final, stats
 from torch import Tensor
 from toy import jointly, toy
 
+from unproject.assignment import Panel
 from unproject.cli import main
 from unproject.domains import Domain
 from unproject.networks import LowRankGenerator
+from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.training import checkpoint, health, resume, train, trainer
 from unproject.training.health import Diverged, check, check_finite, diversity
 from unproject.training.trainer import Trainer
@@ -139,6 +141,21 @@ def test_collapse_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(Diverged, match="collapsed at step .* looks the same .*lower the learning rate"):
         train(recipe, tmp_path, quiet=True)
     assert events(tmp_path) == ["rollback"]
+
+
+class Flat(Silhouette):
+    """A projection in which all samples look the same."""
+
+    def forward(self, x: Tensor, *, azimuth: Tensor, elevation: Tensor) -> Tensor:
+        return super().forward(x, azimuth=azimuth, elevation=elevation) * 0 + 0.5
+
+
+def test_samples_that_differ_in_any_panel_have_not_collapsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(health, "WARM_UP", 4)
+    recipe = toy(steps=40, views="known")
+    flat = Panel(azimuth_bins(4, Flat(size=16)), recipe.panels[0].data)
+    train(recipe.replace(panels=[flat, *recipe.panels]), tmp_path, quiet=True)
+    assert events(tmp_path) == []
 
 
 def test_a_collapse_is_five_checks_in_a_row() -> None:

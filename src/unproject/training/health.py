@@ -29,8 +29,9 @@ def diversity(real: Tensor, fake: Tensor) -> float:
 def check(step: int, losses: dict[str, float], ratio: float, collapsed: int, began: int = 0) -> int:
     """Raise Diverged, or return how many checks in a row found the generated images all alike.
 
-    A batch counts as collapsed when its diversity, `ratio`, is less than 2 % of the real one's. Five checks in a row,
-    after the first 300 steps since training `began`, raise.
+    Samples count as collapsed when the largest diversity of a panel, `ratio`, is less than 2 % of the real images'; a
+    single one may have an observation that is rightly alike, as gloss of one material. Five checks in a row, after the
+    first 300 steps since training `began`, raise.
     """
     for name, value in losses.items():
         if not math.isfinite(value):

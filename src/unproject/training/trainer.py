@@ -100,7 +100,7 @@ class Trainer:
             losses |= self._update_discriminators(batches, draw, progress)
         losses["loss_g"] = self._update_generator(x, batches, progress)
         self.last_seconds = time.monotonic() - began
-        self._finish_step(progress, losses, batches[0])
+        self._finish_step(progress, losses, batches)
 
     def _remember(self) -> None:
         """Keep the state that an interruption returns to, if steps are slow or this is the first."""
@@ -212,7 +212,7 @@ class Trainer:
         self.distribution.average_gradients(module)
         optimiser.step()
 
-    def _finish_step(self, progress: float, losses: dict[str, Tensor], batch: Batch) -> None:
+    def _finish_step(self, progress: float, losses: dict[str, Tensor], batches: list[Batch]) -> None:
         """Average the weights, and now and then check, log and save."""
         counters = self.state.counters
         counters.step += 1
@@ -220,7 +220,7 @@ class Trainer:
         counters.seconds = self.seconds
         if counters.step % EVERY == 0:
             numbers = {name: self.distribution.average(float(value)) for name, value in losses.items()}
-            ratio = self.distribution.average(diversity(batch.real, batch.fake.detach()))
+            ratio = self.distribution.average(max(diversity(b.real, b.fake.detach()) for b in batches))
             counters.collapsed = check(counters.step, numbers, ratio, counters.collapsed, counters.began)
             self.record(**{k: round(v, 6) for k, v in numbers.items()}, **self._panel_log())
             self.recorder.show(progress, f"step {counters.step}")
