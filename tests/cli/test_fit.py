@@ -23,8 +23,9 @@ from unproject.inversion import Novelty, Search, Viewing
 from unproject.metrics import Gauge, apply
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.training import load
-from unproject.training.fitted_pictures import Frame, given_view, known_views, observed, view_of
+from unproject.training.fitted_pictures import Frame, given_view, known_views, view_of
 from unproject.training.fitting import viewing_of
+from unproject.training.given_pictures import observed
 
 QUICK = ["--candidates", "8", "--starts", "2", "--steps", "3", "--tune", "2", "--threads", "1"]
 

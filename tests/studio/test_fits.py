@@ -169,7 +169,7 @@ def test_what_training_pictures_tell_is_made_once_for_all_searches(
     shapes: State, said: Said, fast: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[int] = []
-    monkeypatch.setattr(explaining, "_novelty", lambda means: made.append(1))
+    monkeypatch.setattr(explaining.PictureReader, "novelty", lambda reader: made.append(1))
     for search in ("quick", "thorough"):
         found = ended(shapes, said, begun(shapes, said, mask(), novelty=1, search=search))
         assert found["stage"] == "done"
@@ -290,7 +290,9 @@ def test_p_of_several_lines_is_that_of_the_command(
 ) -> None:
     """One strange line of three is none that `unproject fit` finds strange."""
     p = torch.tensor([0.02, 0.5, 0.5])
-    monkeypatch.setattr(explaining, "_novelty", lambda means: SimpleNamespace(p_values=lambda pictures: p))
+    monkeypatch.setattr(
+        explaining.PictureReader, "novelty", lambda reader: SimpleNamespace(p_values=lambda pictures: p)
+    )
     found = ended(scans, said, begun(scans, said, scan(), "mine.npz", run="scans", novelty=1))
     assert found["p"] == pytest.approx(combined(p)) and found["p"] > found["levels"]["p"]
     assert "another kind" not in found["why"]

@@ -18,7 +18,7 @@ from torch import Tensor
 import unproject as up
 from unproject.cli import main
 from unproject.data.measured_lines import scale_of
-from unproject.training.fitted_pictures import observed, references
+from unproject.training.given_pictures import observed, references
 
 SIDE = 32
 GENERATOR = functools.partial(up.networks.SmoothImageGenerator, size=SIDE, channels=8)

@@ -17,8 +17,8 @@ from unproject.data import Collection, chairs, observe
 from unproject.networks import LowRankGenerator
 from unproject.projections import Observation, Projection, Silhouette, Uniform, azimuth_bins
 from unproject.training import Recipe, Run, train
-from unproject.training.fitted_pictures import observed, read_images, references
 from unproject.training.fitting import viewing_of
+from unproject.training.given_pictures import observed, read_images, references
 
 VOXELS, PIXELS = 16, 32
 

@@ -22,7 +22,8 @@ from ..data.readers.lights import SUFFIXES
 from ..export import MATERIAL_FORMATS, picture_sheet, save_image
 from ..inversion.novelty import combined
 from ..training.description import describe
-from ..training.fitted_pictures import doubts, object_of, unit_of, view_of
+from ..training.fitted_pictures import doubts, object_of, view_of
+from ..training.given_pictures import unit_of
 from ..training.seen import as_seen
 
 if TYPE_CHECKING:

@@ -59,7 +59,7 @@ def run(
     """
     from ..recipes.held_out import held_out, patches_of
     from ..training import load
-    from ..training.fitted_pictures import references
+    from ..training.given_pictures import references
     from ..training.origin import read_origin
 
     use_threads(threads)

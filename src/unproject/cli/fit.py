@@ -73,11 +73,9 @@ def run(
         threads: processor threads (default: all cores).
         trust: import the run's code although it is not of this package.
     """
-    from ..data import Collection
     from ..inversion import Search
     from ..training import load
-    from ..training.fitted_pictures import Frame, framed_viewing, given_view, known_views, observed
-    from ..training.fitting import novelty_of, state_of, viewing_of
+    from ..training.given_pictures import PictureReader
     from ._fits import Job, write_fits
 
     if not pictures:
@@ -87,17 +85,12 @@ def run(
     opened = load(path, trust=trust)
     to = format_of(opened.domain, to)
     if light is None:
-        state = state_of(states := opened.assignments(), observation)
-        viewing = framed_viewing(viewing_of(state, observation), pictures)
-        frame = Frame.of(opened.domain, states, state)
-        given = {} if view is None else given_view(view, viewing.projection.latents)
-    else:
-        state, frame, viewing, given = None, Frame(), lit_viewing(opened, view, light), {}
-    found = observed(opened, pictures, viewing, scale).warn_skipped()
-    found = Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, frame))
-    compared = novelty_of(state, viewing) if novelty and state is not None else None
-    fitter = opened.fitter(viewing=viewing, search=search, seed=seed)
-    write_fits(Job(found, fitter, compared, opened, to, out), together)
+        reader = PictureReader.of(opened, observation, pictures)
+    else:  # the light's own camera has the view
+        reader, view = PictureReader(opened, lit_viewing(opened, view, light)), None
+    found = reader.read(pictures, view, scale)
+    fitter = opened.fitter(viewing=reader.viewing, search=search, seed=seed)
+    write_fits(Job(found, fitter, reader.novelty() if novelty else None, opened, to, out), together)
 
 
 def format_of(domain: Domain, to: str | None) -> str:

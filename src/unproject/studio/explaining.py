@@ -16,22 +16,14 @@ import torch
 from torch import Tensor
 
 from .._types import UserError
-from ..assignment import AssignmentState, Panel
+from ..assignment import Panel
 from ..data import Collection
-from ..inversion import Fit, Fitter, Novelty, Search, Viewing
+from ..inversion import Fit, Fitter, Search
 from ..inversion.novelty import combined
 from ..training import Run
-from ..training.fitted_pictures import (
-    Frame,
-    doubts,
-    framed_viewing,
-    given_view,
-    known_views,
-    object_of,
-    observed,
-    view_of,
-)
-from ..training.fitting import novelty_of, state_of, viewing_of
+from ..training.fitted_pictures import doubts, object_of, view_of
+from ..training.fitting import viewing_of
+from ..training.given_pictures import PictureReader
 
 if TYPE_CHECKING:
     from .state import State
@@ -75,25 +67,12 @@ class Asked:
         """Whether it is framed as it is read: pictures are, not those of the run or of an .npz."""
         return self.own is None and Path(self.name).suffix.lower() != ".npz"
 
-
-@dataclass(frozen=True, eq=False)
-class Means:
-    """What the fits of one run and observation share."""
-
-    run: Run
-    state: AssignmentState
-    frame: Frame
-    viewing: Viewing
-
-    @classmethod
-    def of(cls, run: Run, asked: Asked) -> Means:
-        """Return what reads and explains pictures of one kind."""
-        states = run.assignments()
-        state = state_of(states, asked.observation)
-        viewing = viewing_of(state, asked.observation if asked.own is None else None)
-        if asked.framed:
-            viewing = framed_viewing(viewing, [Path(asked.name)])
-        return cls(run, state, Frame.of(run.domain, states, state), viewing)
+    def reader(self, run: Run) -> PictureReader:
+        """Return what reads it; a picture of the run's own may be of any observation of its panel."""
+        reader = PictureReader.of(run, self.observation, [Path(self.name)] if self.framed else ())
+        if self.own is None or reader.state is None:
+            return reader
+        return replace(reader, viewing=viewing_of(reader.state))
 
 
 class Explanation:
@@ -115,7 +94,7 @@ class Explanation:
     def __init__(self, asked: Asked) -> None:
         self.asked, self.stage, self.done, self.moves, self.error = asked, "waiting", 0.0, 0, ""
         self.run: Run | None = None
-        self.means: Means | None = None
+        self.reader: PictureReader | None = None
         self.pictures: Tensor | None = None
         self.x: Tensor | None = None
         self.projected: Tensor | None = None
@@ -157,13 +136,13 @@ class Explanation:
         self._now("opening the run")
         self.run = run = state.opened(asked.run)
         key = (asked.run, state.version(run), asked.observation, asked.own is None, asked.framed)
-        self.means = means = state.kept(("means", *key), lambda: Means.of(run, asked), 2)
+        self.reader = reader = state.kept(("reader", *key), lambda: asked.reader(run), 2)
         search = SEARCHES[asked.search]
         fitter: Fitter = state.kept(
-            ("fitter", *key, asked.search), lambda: run.fitter(viewing=means.viewing, search=search), 2
+            ("fitter", *key, asked.search), lambda: run.fitter(viewing=reader.viewing, search=search), 2
         )
         self._now("reading the picture")
-        found, self.remarks = _read(asked, means)
+        found, self.remarks = _read(asked, reader)
         self.asked = replace(asked, name=asked.name or found.names[0])
         self.pictures = pictures = found.floats()
         self._now("comparing it with samples")
@@ -172,7 +151,7 @@ class Explanation:
         self.fit = fit
         if asked.novelty:
             self._now("comparing it with the pictures of training")
-            novelty = state.kept(("novelty", *key), lambda: _novelty(means), 2)
+            novelty = state.kept(("novelty", *key), reader.novelty, 2)
             p = None if novelty is None else novelty.p_values(pictures)
             self.p, self.why = None if p is None else combined(p), doubts(run, fit, p)
 
@@ -190,11 +169,7 @@ class Explanation:
             raise Stopped
 
 
-def _novelty(means: Means) -> Novelty | None:
-    return novelty_of(means.state, means.viewing)
-
-
-def _read(asked: Asked, means: Means) -> tuple[Collection, list[str]]:
+def _read(asked: Asked, reader: PictureReader) -> tuple[Collection, list[str]]:
     """Return the pictures of the first object of a file, or of one of the run, and remarks on them.
 
     What the command says in a terminal is said in the page: without dashes before what is a field there.
@@ -211,7 +186,7 @@ def _read(asked: Asked, means: Means) -> tuple[Collection, list[str]]:
             return re.sub(r"--(view|scale)\b", r"\1", str(text).replace(str(file), asked.name[:80]))
 
         try:
-            found = _known(asked, means, file)
+            found = _known(asked, reader, file)
         except UserError as error:
             raise UserError(said(error)) from None
     objects = len({object_of(name) for name in found.names})
@@ -219,15 +194,11 @@ def _read(asked: Asked, means: Means) -> tuple[Collection, list[str]]:
     return found.subset(_rows_of(found, found.names[0])), [*several, *(said(one.message) for one in told)]
 
 
-def _known(asked: Asked, means: Means, file: Path) -> Collection:
+def _known(asked: Asked, reader: PictureReader, file: Path) -> Collection:
     """Return all pictures of a file, or those of one object of the run, with what is known of their views."""
-    viewing = means.viewing
-    given = given_view(asked.view, viewing.projection.latents) if asked.view else {}
-    if asked.own is None:
-        found = observed(means.run, [file], viewing, asked.scale)
-    else:
-        found = _own(asked.own, means.state.panel)
-    return Collection(found.floats(), names=found.names, latents=known_views(found, viewing, given, means.frame))
+    if asked.own is None or reader.state is None:
+        return reader.read([file], asked.view or None, asked.scale)
+    return reader.with_views(_own(asked.own, reader.state.panel), asked.view or None)
 
 
 def _own(number: int, panel: Panel) -> Collection:

@@ -114,9 +114,9 @@ def _shown(one: Explanation, fit: Fit) -> dict[str, Any]:
 
 
 def _seen(one: Explanation, y: Tensor | None) -> str | None:
-    if y is None or one.means is None:
+    if y is None or one.reader is None:
         return None
-    shown = as_seen(one.means.viewing.projection, y)
+    shown = as_seen(one.reader.viewing.projection, y)
     return picture_of(export.picture_sheet(shown, columns=min(len(shown), 4), cell=SEEN), "a picture", 2 * SEEN).uri
 
 

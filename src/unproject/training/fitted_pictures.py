@@ -1,4 +1,4 @@
-"""Pictures that are to be fitted: read as the run's own were, and what is said of how well they are explained."""
+"""What a fit is told of its pictures, and what is said of it: objects, known views, and why it is in doubt."""
 
 from __future__ import annotations
 
@@ -6,49 +6,27 @@ import math
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from .._random import generator_at
 from .._types import UserError
-from ..assignment import AssignmentState, Panel
-from ..data import Collection, are_pictures, mapped, read, read_photographs, read_silhouettes
-from ..data.measured_lines import standardised_lines
-from ..data.readers.lights import SUFFIXES as MATERIALS
+from ..assignment import AssignmentState
+from ..data import Collection
 from ..data.readers.lines import MAX_ANGLE
-from ..data.readers.pictures import SUFFIXES as PICTURES
-from ..data.readers.pictures import required_pictures
 from ..domains import Domain
 from ..inversion import DOUBTFUL, Fit, Viewing
 from ..inversion.novelty import combined
 from ..metrics import Gauge
-from ..ops.maps import COLOURED
-from ..projections import (
-    Cropped,
-    FramedSilhouette,
-    LineIntegral,
-    Projection,
-    Rendering,
-    Selection,
-    Silhouette,
-    Standardised,
-)
-from ..projections.base import Identity
 from .evaluation import accuracy_of, estimated_and_true, turns_of
-from .fitting import by_name
 
 if TYPE_CHECKING:
     from .run import Run
 
 FAR = 0.6
 """The distance of a fit beyond which pictures are not explained; of chairs that were held out 5 % are beyond 0.52."""
-
-
 TOLD = 2
 """How many times as often as by chance known views have to be found, for them to tell how samples are turned."""
 ANGLES = ("azimuth", "elevation", "roll", "angle", "view", "light", "light_azimuth", "view_azimuth")
@@ -72,136 +50,6 @@ def view_of(fit: Fit, explanation: int, picture: int, digits: int = 1) -> dict[s
     found = {name: value[explanation, picture].item() for name, value in fit.theta.items() if name not in NO_VIEWS}
     turns = {name: v % math.tau if name == "azimuth" else v for name, v in found.items()}
     return {name: round(math.degrees(v) if name in ANGLES else v, digits) for name, v in turns.items()}
-
-
-def framed_viewing(viewing: Viewing, paths: Sequence[Path]) -> Viewing:
-    """Return the viewing of pictures that are cropped as they are read, where the run's were not."""
-    cropped = paths[0].is_dir() or are_pictures(paths)
-    if cropped and isinstance(viewing.projection, Silhouette):
-        return replace(viewing, projection=FramedSilhouette(viewing.projection))
-    return viewing
-
-
-def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float | None = None) -> Collection:
-    """Return the pictures, as the viewing's projection makes them.
-
-    Args:
-        scale: what line integrals are divided by (default: the unit of the viewing's projection).
-    """
-    sample, projection = opened.generator.sample(1, batch=1), viewing.projection
-    inner = projection.projection if isinstance(projection, Standardised) else projection
-    of_materials = isinstance(inner, Selection | Rendering)
-    listed = are_pictures(paths, MATERIALS if of_materials else PICTURES)
-    if len(paths) > 1 and not listed:
-        raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
-    if of_materials:
-        files = required_pictures(paths[0], MATERIALS) if paths[0].is_dir() else list(paths)
-        name = inner.map if isinstance(inner, Selection) else "photograph"
-        found = read_photographs(files, sample.shape[-1], name, coloured=sample.shape[1] == COLOURED)
-        return Collection(projection.from_measured(found.floats()), names=found.names)
-    if isinstance(inner, LineIntegral):
-        if listed or paths[0].is_dir():
-            raise UserError(f"{paths[0]}: holds no lines, and this run learned from lines; give an .npz of sinograms")
-        return _observed_lines(paths[0], inner, len(viewing.priors), inner.unit if scale is None else scale)
-    shape = _shape_of_pictures(viewing, sample)
-    if not projection.silhouettes:
-        if listed:
-            raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
-        latents = (*projection.latents, *projection.optional_latents)
-        return mapped(read_images(paths[0], shape, latents), projection.from_measured)
-    framed = isinstance(projection, Cropped | FramedSilhouette)  # these are framed anew, from more pixels
-    size = 2 * shape[-1] if framed else shape[-1]
-    if listed:
-        found = read_silhouettes(paths, size)
-    else:
-        found = read(paths[0], None if framed and not paths[0].is_dir() else size)
-    if len(found.shape) != 3:
-        raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
-    return mapped(found, lambda y: projection.prepare(projection.from_measured(y)))
-
-
-def _shape_of_pictures(viewing: Viewing, sample: Tensor) -> torch.Size:
-    """Return the shape of the pictures of one sample (1, ...)."""
-    latents = viewing.draw(torch.zeros(1, dtype=torch.long), {}, generator_at(0))
-    with torch.no_grad():
-        return viewing.project(sample, latents).shape[1:]
-
-
-def read_images(path: Path, shape: Sequence[int], latents: Sequence[str] = ()) -> Collection:
-    """Return pictures as they are, neither cut nor cropped, grey or in colour as training has them, of its size.
-
-    Args:
-        latents: those of an operator of the user's own, that may stand beside them.
-    """
-    size = shape[-1] if shape[-1] == shape[-2] else None
-    return Collection.images(path, size, colour=shape[0] == IN_COLOUR, latents=latents, unbounded=True)
-
-
-IN_COLOUR = 3
-
-
-def references(run: Run, path: Path, observation: str | None = None) -> Collection | dict[str, Tensor]:
-    """Return held-out samples, or pictures of such, as `Run.evaluate` takes them.
-
-    Args:
-        observation: what they are pictures of (default: their shape tells).
-
-    Raises:
-        UserError: if there is no such observation, or nothing that can be used.
-    """
-    sample, states = run.sample(1).shape[1:], by_name(run.assignments())
-    if observation is not None:
-        if observation not in states:
-            raise UserError(f"--observation {observation}: the run has {', '.join(states)}")
-        panel = states[observation].panel
-        if len(panel.shape) == 3 and not panel.projection.silhouettes:
-            return {observation: read_images(path, panel.shape).floats()}
-        return {observation: run.domain.read(path, panel.shape[-1]).floats()}
-    panels = [state.panel for state in states.values() if len(state.panel.shape) == 3]
-    pictured = [panel for panel in panels if not isinstance(panel.projection, Identity)]
-    if not pictured:
-        return run.domain.read(path, sample[-1])
-    panel = pictured[0]
-    if not run.domain.reads_silhouettes:
-        return _as_stored(path, panel, sample) or run.domain.read(path, sample[-1])
-    size, silhouettes = sample[-1], panel.projection.silhouettes
-    found = run.domain.read(path, size) if silhouettes else read(path, size, pictures="images")
-    if found.shape == (size, size, size) or found.shape == panel.shape:
-        return found
-    return run.domain.read(path, panel.shape[-1]) if silhouettes else read_images(path, panel.shape)
-
-
-def _as_stored(path: Path, panel: Panel, sample: Sequence[int]) -> Collection | None:
-    """Return what an array file holds if that has the shape of a panel's pictures and not that of a sample."""
-    if not path.is_file():
-        return None
-    with suppress(UserError):  # maps, lines
-        found = Collection.images(path, colour=panel.shape[0] == IN_COLOUR, unbounded=True)
-        return found if found.shape == panel.shape != tuple(sample) else None
-    return None
-
-
-def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:
-    """Return line integrals as training took them, divided by `unit`."""
-    found = standardised_lines(Collection.lines(path), max(bins, 1), unit, projection.center)
-    largest = found.floats().max().item()
-    if not FAINT < largest < BRIGHT:
-        warnings.warn(f"{path}: {ANOTHER_UNIT.format(unit, largest)}", stacklevel=3)
-    return found
-
-
-BRIGHT, FAINT = 2.0, 0.01
-"""The largest reading, divided as those of training were, from which on it is no picture's, as one of ones reaches √2
-along its diagonal; and the largest reading of nearly empty pictures."""
-ANOTHER_UNIT = (
-    "the largest reading is {1:.3g} after division by {0:g}, but a row of ones in a picture gives 1: "
-    "give readings in the unit of training, or what to divide them by as --scale"
-)
-
-
-def unit_of(projection: Projection) -> float:
-    """Return what measured readings are divided by before they are compared with projections."""
-    return projection.unit if isinstance(projection, LineIntegral) else 1.0
 
 
 @dataclass(frozen=True)
