@@ -29,6 +29,16 @@ def test_an_exporter_of_ones_own_is_given_what_it_takes(tmp_path: Path) -> None:
         assert trimesh.load(tmp_path / f"{part}" / "shape_00.ply", force="mesh").body_count == count
 
 
+def test_a_foot_at_the_end_of_a_slanted_leg_is_written(tmp_path: Path) -> None:
+    x = torch.zeros(1, 16, 16, 16)
+    x[:, 4:12, 8:14, 4:12] = 0.9
+    for k in range(6):
+        x[:, 7 + k, 7 - k, 7] = 0.8
+    (path,) = Volumes().write(x, "ply", tmp_path / "bird.ply").paths
+    surface = trimesh.load(path, force="mesh")
+    assert surface.body_count == 1 and surface.bounds[0, 1] < -0.6
+
+
 def test_parts_that_nearly_touch_are_joined_before_others_are_removed() -> None:
     x = torch.zeros(1, 10, 4, 4)
     x[:, :3], x[:, 4:6], x[:, 9:] = 1, 1, 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
 from itertools import product
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from unproject._types import UserError
-from unproject.ops import floating_parts, joined_parts, largest_part
+from unproject.ops import face_connected, floating_parts, joined_parts, largest_part
 from unproject.ops.isosurface import isosurface
 from unproject.ops.parts import number_parts
 
@@ -119,7 +120,81 @@ def test_joined_parts_are_the_references(x: Tensor) -> None:
         assert torch.equal(found, joined(volume))
 
 
+def pieces_of(part: set[Voxel]) -> list[set[Voxel]]:
+    """Its pieces that are connected by faces, in the order of their first voxels."""
+    left, found = sorted(part), list[set[Voxel]]()
+    while left:
+        piece, edge = set[Voxel](), {left[0]}
+        while edge:
+            piece |= edge
+            edge = {v for v in left if v not in piece and any(touch(v, other) for other in edge)}
+        found.append(piece)
+        left = [v for v in left if v not in piece]
+    return found
+
+
+def touch(a: Voxel, b: Voxel) -> bool:
+    return sum(abs(i - j) for i, j in zip(a, b, strict=True)) == 1
+
+
+def shortest(start: set[Voxel], target: Voxel, cost: dict[Voxel, float]) -> list[Voxel]:
+    """The cheapest path of faces to a voxel, by Dijkstra's algorithm."""
+    queue, reached = [(0.0, v, [v]) for v in start], set[Voxel]()
+    while True:
+        so_far, v, path = heappop(queue)
+        if v == target:
+            return path
+        if v not in reached:
+            reached.add(v)
+            for other in (w for w in cost if touch(v, w) and w not in reached):
+                heappush(queue, (so_far + cost[other], other, [*path, other]))
+
+
+def by_faces(volume: Tensor) -> Tensor:
+    """What `face_connected` is to return."""
+    volume = volume.clone()
+    while True:
+        parts = [(part, pieces_of(part)) for part in groups(above(volume), 1)]
+        raised = set[Voxel]()
+        for part, pieces in parts:
+            beside = [v for v in everywhere(volume) if v not in part and distance(v, part) == 1]
+            cost = {v: 2 - volume[v].item() for v in beside} | dict.fromkeys(part, 0.0)
+            main = max(pieces, key=len)
+            for piece in pieces:
+                raised |= {*shortest(main, min(piece), cost)} - part
+        if not raised:
+            return volume
+        for v in raised:
+            volume[v] = 0.75
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.builds(drawn, st.integers(0, 10_000), st.tuples(*[st.integers(1, 5)] * 3), st.sampled_from([0.05, 0.2, 0.4])))
+def test_face_connected_is_the_reference(x: Tensor) -> None:
+    for volume, found in zip(x, face_connected(x), strict=True):
+        assert torch.equal(found, by_faces(volume))
+
+
 # Laws
+
+
+@settings(deadline=None, max_examples=25)
+@given(volumes)
+def test_parts_are_connected_by_faces_then_and_nothing_else_is_raised(x: Tensor) -> None:
+    found = face_connected(x)
+    assert torch.equal(face_connected(found), found) and torch.equal(face_connected(x[0]), found[0])
+    assert ((found == x) | ((found == 0.75) & (x <= 0.5))).all()
+    for before, after in zip(x, found, strict=True):
+        parts = groups(above(after), 1)
+        assert len(parts) <= len(groups(above(before), 1)) and all(len(pieces_of(part)) == 1 for part in parts)
+
+
+def test_a_slanted_leg_stays_on_the_surface() -> None:
+    x = 0.8 * table()[0]  # of ones edges are joined
+    ground = isosurface(x, largest=True)[0][:, 1].min()  # which the straight one reaches
+    x[3, :10, 3] = 0
+    assert isosurface(x, largest=True)[0][:, 1].min() > 0
+    assert isosurface(face_connected(x), largest=True)[0][:, 1].min() == ground
 
 
 @settings(deadline=None, max_examples=25)
@@ -227,6 +302,8 @@ def test_volumes_of_bits_stay_bits() -> None:
 
 
 def test_pictures_are_refused() -> None:
+    with pytest.raises(UserError, match="holds no volumes"):
+        face_connected(torch.zeros(4, 4))
     with pytest.raises(UserError, match="holds no volumes"):
         largest_part(torch.zeros(4, 4))
     with pytest.raises(UserError, match="holds no volumes"):

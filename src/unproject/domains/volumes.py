@@ -18,7 +18,7 @@ from ..metrics import Finding, Score, one_minus_iou, picture_scores, shape_score
 from ..networks.generators import FINE_VOXELS
 from ..ops.framing import unit_sized
 from ..ops.layout import repeated_volumes
-from ..ops.parts import joined_parts, largest_part, number_parts
+from ..ops.parts import face_connected, joined_parts, largest_part, number_parts
 from ..projections.observation import Observation
 from .domain import Domain, Exporter
 from .evidence import Evidence, label_finding, likeness_finding, nearest
@@ -61,7 +61,7 @@ class Volumes(Domain):
         return (x <= 0.5).flatten(1).all(1)
 
     def largest_part(self, x: Tensor) -> Tensor:
-        return largest_part(joined_parts(x.float()))
+        return face_connected(largest_part(joined_parts(x.float())))
 
     def repeated(self, x: Tensor, times: int) -> Tensor:
         return repeated_volumes(x, times) if times > 1 else x

@@ -9,7 +9,7 @@ from .limits import limited, penalised
 from .line_integrals import strip_integrals
 from .occupancy import absorption, any_occupied, capped_sum, expected_depth
 from .outlines import level_share, mirror_iou
-from .parts import floating_parts, joined_parts, largest_part
+from .parts import face_connected, floating_parts, joined_parts, largest_part
 from .refinement import refined
 from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_points, sample_volume
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
@@ -25,6 +25,7 @@ __all__ = [
     "common_height",
     "capped_sum",
     "expected_depth",
+    "face_connected",
     "floating_parts",
     "framed",
     "joined_parts",
