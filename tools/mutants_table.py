@@ -4506,6 +4506,20 @@ COLLECTIONS = (
         "data/test_packing.py::test_a_pack_belongs_to_its_files_and_to_how_they_were_read",
     ),
     mutant(
+        "packs: arrays of one's own beside a folder are replaced",
+        "cli/data.py",
+        "if out.exists() and not is_pack(out):",
+        "if out.is_dir():",
+        "data/test_packing.py::test_arrays_beside_a_folder_are_replaced_only_if_they_are_named",
+    ),
+    mutant(
+        "packs: a folder in their place is found out at the end",
+        "data/packing.py",
+        "if out.is_dir():",
+        "if False:",
+        "data/test_packing.py::test_a_folder_in_the_place_of_a_pack_is_refused_before_anything_is_read",
+    ),
+    mutant(
         "packs: parts are written in place",
         "data/packing.py",
         "    with atomic_path(part) as temporary:\n        np.savez(\n            temporary,",

@@ -208,3 +208,26 @@ def test_a_pipe_is_not_replaced(masks: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="device; give the name of a file"):
         pack(masks, tmp_path / "pipe.npz", ReadOptions(16))
     assert [path.name for path in tmp_path.glob("*.npz")] == ["pipe.npz"]
+
+
+def test_arrays_beside_a_folder_are_replaced_only_if_they_are_named(
+    masks: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """my_masks.npz of one's own beside my_masks/; a pack of before is made anew, and so is a damaged one by its name."""
+    own = masks.with_name("masks.npz")
+    np.savez(own, masks=np.ones((2, 8, 8), bool))
+    before = own.read_bytes()
+    assert main(["data", "pack", str(masks)]) == 2
+    assert "masks.npz: is there and is no pack; name another file by --out" in capsys.readouterr().err
+    assert own.read_bytes() == before
+    own.write_bytes(before[:-40])
+    assert main(["data", "pack", str(masks)]) == 2 and own.read_bytes() == before[:-40]
+    assert main(["data", "pack", str(masks), "--out", str(own)]) == 0 == main(["data", "pack", str(masks)])
+    assert picture_count(own) == COUNT
+
+
+def test_a_folder_in_the_place_of_a_pack_is_refused_before_anything_is_read(masks: Path) -> None:
+    (masks.parent / "p.npz").mkdir()
+    with pytest.raises(UserError, match=r"p\.npz: is a folder; give --out the name of a file"):
+        pack(masks, masks.parent / "p.npz", ReadOptions(16))
+    assert sorted(file.name for file in masks.parent.iterdir()) == ["masks", "p.npz"]

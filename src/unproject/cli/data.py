@@ -104,7 +104,7 @@ def pack_folder(
     Args:
         path: A folder of pictures.
         for_: The recipe that is to learn from it (default: shapes).
-        out: The pack to write (default: PATH.npz).
+        out: The pack to write (default: PATH.npz, unless another file than a pack is there).
         size: Side of the pictures in pixels (default: the recipe's; of silhouettes twice that, since cropped ones are
             framed anew).
         mode: Crop and centre the object (default), or keep it where it is.
@@ -238,8 +238,7 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
     if framing is not None and images:
         raise UserError(f"--for {recipe}: {AS_THEY_ARE}")
     size = _size_of(recipe, path) * (1 if images else ENLARGED) if size is None else size
-    whole = path if path.name not in ("", "..") else path.resolve()
-    out = out or whole.with_name(f"{whole.name}.npz")
+    out = out or _pack_beside(path)
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("packing")
         options = ReadOptions(size, images=images, framing=framing, strict=strict)
@@ -248,6 +247,21 @@ def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: 
         print(printable(f"skipped {name}: {reason}"))
     shape = " x ".join(map(str, found.shape))
     print(f"{found.path}: {found.count} pictures of {shape}, {len(found.skipped)} skipped")
+
+
+def _pack_beside(folder: Path) -> Path:
+    """Return where the pack of a folder lies unless one is named.
+
+    Raises:
+        UserError: if something else is there, such as arrays of the same pictures, which nobody asked to replace.
+    """
+    from ..data.readers.sides import is_pack
+
+    whole = folder if folder.name not in ("", "..") else folder.resolve()
+    out = whole.with_name(f"{whole.name}.npz")
+    if out.exists() and not is_pack(out):
+        raise UserError(f"{out}: is there and is no pack; name another file by --out, or this one to replace it")
+    return out
 
 
 ENLARGED, SHOWN = 2, 20

@@ -63,6 +63,8 @@ def pack(
     if out.suffix != ".npz":
         raise UserError(f"{out}: a pack is an .npz; give --out a name that ends in .npz")
     check_replaceable(out)
+    if out.is_dir():
+        raise UserError(f"{out}: is a folder; give --out the name of a file")
     files = required_pictures(path, (*SUFFIXES, *UNREAD))
     parts = out.with_name(f".{out.name}.{_identity(path, files, options)}.parts")
     starts = range(0, len(files), FILES_PER_PART)

@@ -83,6 +83,21 @@ def picture_count(path: str | os.PathLike[str]) -> int | None:
     return sum(os.fsdecode(file).lower().endswith(SUFFIXES) for file in files)
 
 
+def is_pack(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is what `unproject data pack` wrote, and not damaged.
+
+    Examples:
+        >>> import numpy as np
+        >>> np.savez("masks.npz", silhouettes=np.zeros((5, 1, 48, 48), bool))
+        >>> is_pack("masks.npz")
+        False
+    """
+    try:
+        return _columns_of_pack(Path(path)) is not None
+    except Exception:  # whatever zipfile and NumPy raise at damaged files
+        return False
+
+
 def _of_folder(path: Path) -> int | None:
     if holds_shapes(path):
         return _median(files_with(path, (".binvox",)), _of_binvox)
