@@ -1592,6 +1592,20 @@ ADVERSARIAL = (
         "data/readers/test_arrays.py",
     ),
     mutant(
+        "lines: readings of 8 bits are shares of 255",
+        "data/readers/lines.py",
+        "    values = values.float()\n",
+        "",
+        "data/readers/test_arrays.py::test_lines_are_of_any_type_of_number",
+    ),
+    mutant(
+        "lines: they lose their names",
+        "data/readers/lines.py",
+        "if len(own) == len(values) else",
+        "if not own else",
+        "data/readers/test_arrays.py::test_lines_of_one_object_are_held_out_together_by_their_names",
+    ),
+    mutant(
         "lines: degrees are taken for radians",
         "data/readers/lines.py",
         "MOST_RADIANS = 4 * math.pi",

@@ -166,7 +166,8 @@ def test_a_damaged_file_is_read_or_refused_and_nothing_else(tmp_path_factory, pl
 
 
 def test_lines_are_of_any_type_of_number(tmp_path):
-    for values in (np.array([[0, 7], [5, 900]]), np.array([[-0.5, 7.25]]), np.array([[0, 65535]], np.uint16)):
+    small = np.array([[0, 7], [5, 90]], np.uint8)
+    for values in (small, np.array([[0, 900]]), np.array([[-0.5, 7.25]]), np.array([[0, 65535]], np.uint16)):
         found = read(saved(tmp_path, lines=values))
         assert np.allclose(found.floats()[:, 0], values) and found.shape == (1, 2)
 
@@ -185,6 +186,17 @@ def test_sinograms_are_lines_of_each_object(tmp_path):
         read(saved(tmp_path, sinograms=sinograms, angle=angle[:3]))
     with pytest.raises(UserError, match=r"sinograms are \(M, D, A\)"):
         read(saved(tmp_path, sinograms=sinograms[None]))
+
+
+def test_lines_of_one_object_are_held_out_together_by_their_names(tmp_path):
+    names = [f"scan{i // 4}#{i % 4}" for i in range(48)]
+    found = read(saved(tmp_path, lines=np.ones((48, 8)), names=np.array(names)))
+    assert found.names == tuple(names)
+    kept, held_out = found.split(0.1)
+    assert not {n.split("#")[0] for n in kept.names} & {n.split("#")[0] for n in held_out.names}
+    named = read(saved(tmp_path, sinograms=np.ones((2, 8, 3)), names=np.array(["left", "right"])))
+    assert named.names == ("left#0", "left#1", "left#2", "right#0", "right#1", "right#2")
+    assert read(saved(tmp_path, lines=np.ones((2, 8)), names=np.array(["one"]))).names == ("00000", "00001")
 
 
 def test_degrees_are_recognised_and_said(tmp_path):

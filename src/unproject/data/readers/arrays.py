@@ -60,7 +60,7 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
     values = checked_values(stored, f"{path}: {key}", of_pictures=not of_any_size)
     latents = latents_of(path, arrays, count_of_angles(key, values), values.shape, measured, options.latents)
     if measured:
-        return lines_of(path, key, values, latents)
+        return lines_of(path, key, values, latents, _texts(arrays, "names"))
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
         return occupied(found._replace(items=_volumes(path, key, values)), options.size, options.strict)

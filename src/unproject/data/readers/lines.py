@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +24,17 @@ MIN_READINGS, MIN_UNEVEN, MAX_UNEVEN = 4, 0.2, 0.05
 """Detectors and angles at least, and how uneven sums over them are, if the axes are surely in another order."""
 
 
-def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor] | None) -> Found:
+def lines_of(
+    path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor] | None, own: Sequence[str] = ()
+) -> Found:
     """Return lines (N, 1, D): of an array (N, D) or (N, 1, D), or of sinograms (D, A) or (M, D, A).
 
-    The A lines of a sinogram lie together and are called `00007#2`; its A angles are those of every sinogram.
+    The A lines of a sinogram lie together and are called `00007#2`, or by its name; its A angles are those of every
+    sinogram. Readings of 8 bits are numbers like others, no shares of 255.
+
+    Args:
+        path, key, values, latents: what is read, and what stands beside it.
+        own: names of the lines or sinograms, if there is one for each.
 
     Raises:
         UserError: for an array of another shape, or angles that are not as many.
@@ -40,8 +47,10 @@ def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor]
         expected = "line integrals are (N, D) or (N, 1, D)"
     if values.ndim != 3 or (key in LINES and values.shape[1] != 1):
         raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; {expected}")
+    values = values.float()
+    names = [*own] if len(own) == len(values) else [f"{i:05d}" for i in range(len(values))]
     if key in LINES:
-        return Found(values, latents=latents, source=str(path))
+        return Found(values, names, latents, source=str(path))
     count, detectors, angles = values.shape
     if min(detectors, angles) >= MIN_READINGS and _uneven(values, 1) > MIN_UNEVEN and _uneven(values, 2) < MAX_UNEVEN:
         warnings.warn(
@@ -49,7 +58,7 @@ def lines_of(path: Path, key: str, values: Tensor, latents: Mapping[str, Tensor]
             "are (M, D, A), detectors by angles; if this is (M, A, D), save array.swapaxes(1, 2)",
             stacklevel=2,
         )
-    names = [f"{i:05d}#{k}" for i in range(count) for k in range(angles)]
+    names = [f"{name}#{k}" for name in names for k in range(angles)]
     repeated = None if latents is None else {name: angle.repeat(count) for name, angle in latents.items()}
     return Found(values.mT.reshape(-1, 1, detectors), names, repeated, source=str(path))
 
