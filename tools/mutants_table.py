@@ -1592,6 +1592,13 @@ ADVERSARIAL = (
         "data/readers/test_arrays.py",
     ),
     mutant(
+        "measured lines: two directions tell the axis",
+        "data/measured_lines.py",
+        "size.clamp_min(UNTOLD)",
+        "size.where(size > UNTOLD, math.inf)",
+        "data/test_measured_lines.py::test_the_axis_is_not_found_from_two_directions",
+    ),
+    mutant(
         "lines: readings of 8 bits are shares of 255",
         "data/readers/lines.py",
         "    values = values.float()\n",

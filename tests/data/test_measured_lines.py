@@ -156,6 +156,16 @@ def test_the_axis_is_found_by_the_centroids() -> None:
         assert abs(found - center) < 3 * error and error < 0.5
 
 
+@pytest.mark.parametrize("angles", [[0.0], [0.0, math.pi / 2], [0.0, 0.02]])
+def test_the_axis_is_not_found_from_two_directions(tmp_path: Path, angles: list[float]) -> None:
+    """Radiographs from the front and from the side: the axis is in the middle, and --center would move it."""
+    angle = torch.tensor(angles).repeat(60 // len(angles))
+    lines = seen(an_image(16), angle) * (1 + torch.rand(60, 1, 16, generator=torch.Generator().manual_seed(0)))
+    assert center_of(lines, angle)[1] > 1e4
+    np.savez(tmp_path / "x.npz", lines=lines[:, 0].numpy(), angle=angle.numpy())
+    assert "the axis of rotation" not in "\n".join(inspect(tmp_path / "x.npz").summary())
+
+
 def test_intensities_are_told_from_line_integrals() -> None:
     lines, angle = discs(100, 32, 15.5)
     assert are_intensities((-lines).exp()) and not are_intensities(lines)

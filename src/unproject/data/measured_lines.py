@@ -27,6 +27,8 @@ EDGE = 1e-6
 INTENSITIES = "lines are higher at both ends than in the middle, as intensities are: take -log(I / I0) of those"
 TOLD, HIGHER = 20, 1.1
 """Lines at least, and how much higher their ends are than the middle, if they surely are."""
+UNTOLD = 1e-12
+"""Mean square below which nothing is seen of a direction of (c, x, y)."""
 NEGATIVE = 0.1
 """How far below 0, as a share of the largest, detectors of line integrals may read on average."""
 NOISY = (
@@ -71,7 +73,8 @@ def center_of(lines: Tensor, angle: Tensor) -> tuple[float, float]:
     """Return the detector that the axis of rotation projects to, by the readings, and its standard error.
 
     The centroid of a line at angle φ is c + x cos φ + y sin φ with the centre of mass (x, y) of its object (one of the
-    Helgason-Ludwig conditions): c is found by least squares, with the mean centre of all objects.
+    Helgason-Ludwig conditions): c is found by least squares, with the mean centre of all objects. The error is vast
+    where angles do not tell c from the centre, as two directions do not.
 
     Examples:
         >>> import torch
@@ -89,8 +92,9 @@ def center_of(lines: Tensor, angle: Tensor) -> tuple[float, float]:
     waves = torch.stack([torch.ones_like(angle), angle.cos(), angle.sin()], 1)
     found = torch.linalg.lstsq(waves, places[:, None], driver="gelsd").solution[:, 0]
     deviation = (places - waves @ found).std() if len(places) > 3 else torch.tensor(math.inf)
-    inverse = torch.linalg.pinv(waves.T @ waves)
-    return found[0].item(), (deviation * inverse[0, 0].sqrt()).item()
+    size, axes = torch.linalg.eigh(waves.T @ waves / len(waves))
+    variance = (axes[0].square() / size.clamp_min(UNTOLD)).sum() / len(waves)
+    return found[0].item(), (deviation * variance.sqrt()).item()
 
 
 def within_half_turn(lines: Tensor, angle: Tensor, before: float = 0.0) -> tuple[Tensor, Tensor]:
