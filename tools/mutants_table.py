@@ -2556,6 +2556,20 @@ TRAINING = (
         "training/test_resume.py::test_a_run_that_was_stopped_is_not_complete_when_it_is_opened",
     ),
     mutant(
+        "arrays: masks that stay in their file are padded to a square",
+        "data/readers/arrays.py",
+        "(options.size is None or pictures.shape[2:] == (size, size))",
+        "pictures.shape[2:] == (size, size)",
+        "data/readers/test_arrays.py::test_masks_of_any_shape_stay_as_stored_in_their_file_too",
+    ),
+    mutant(
+        "arrays: inverted masks that stay in their file stay inverted",
+        "data/readers/arrays.py",
+        "(lambda some: white - some) if inverted else None",
+        "None",
+        "data/readers/test_arrays.py::test_masks_of_any_shape_stay_as_stored_in_their_file_too",
+    ),
+    mutant(
         "arrays: blank masks of a mapped file stay",
         "data/readers/arrays.py",
         "pictures.nbytes < LARGEST_SEARCHED",

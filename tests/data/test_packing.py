@@ -213,7 +213,7 @@ def test_a_pipe_is_not_replaced(masks: Path, tmp_path: Path) -> None:
 def test_arrays_beside_a_folder_are_replaced_only_if_they_are_named(
     masks: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """my_masks.npz of one's own beside my_masks/; a pack of before is made anew, and so is a damaged one by its name."""
+    """my_masks.npz of one's own beside my_masks/; a pack of before is made anew."""
     own = masks.with_name("masks.npz")
     np.savez(own, masks=np.ones((2, 8, 8), bool))
     before = own.read_bytes()

@@ -244,6 +244,22 @@ def test_grey_pictures_of_several_channels_are_masks(tmp_path: Path, suffix: str
     assert torch.equal(found.floats()[:, 0] > 0.5, torch.from_numpy(np.delete(masks, 2, 0) > 0))
 
 
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dtype", [bool, np.uint8, np.float32])
+def test_masks_of_any_shape_stay_as_stored_in_their_file_too(tmp_path: Path, dtype: Any, dark: bool) -> None:
+    """Those that are mapped were padded to a square, so that they were others than those that are read."""
+    stored = np.zeros((4, 12, 16), dtype)
+    stored[:, 2:8, 3:9] = 1
+    stored = (1 - stored.astype(np.int8)).astype(dtype) if dark else stored
+    np.save(tmp_path / "x.npy", stored)
+    np.savez(tmp_path / "x.npz", masks=stored)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mapped, taken = (Collection.silhouettes(tmp_path / f"x.{suffix}") for suffix in ("npy", "npz"))
+    assert mapped.shape == taken.shape == (1, 12, 16)
+    assert torch.equal(mapped.floats(), taken.floats()) and mapped.floats().mean() == pytest.approx(36 / 192)
+
+
 @pytest.mark.parametrize("high", [1, 20, 127])
 def test_labels_are_masks(tmp_path: Path, high: int) -> None:
     np.savez(tmp_path / "labels.npz", masks=blocks(high=high))

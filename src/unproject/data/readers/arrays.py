@@ -283,7 +283,6 @@ def _in_file(path: Path, key: str, found: Found, pictures: Tensor, options: Read
             return as_images(some * factor, options.size, options.colour)
 
         return found._replace(items=Lazy(pictures, change=grey), white=EIGHT_BITS)
-    size = options.size or max(pictures.shape[2:])
     if framing != AS_GIVEN:  # some may have to be skipped
         return masks_of(path, key, found, pictures, options)
     inverted = pictures.shape[1] == 1 and are_inverted(pictures, white)
@@ -292,8 +291,10 @@ def _in_file(path: Path, key: str, found: Found, pictures: Tensor, options: Read
     rows = None
     if pictures.nbytes < LARGEST_SEARCHED:
         found, rows = shown_rows(path, key, found, pictures, options.strict, inverted)
-    if pictures.shape[1:] == (1, size, size) and not inverted:
-        return found._replace(items=Lazy(pictures, rows), white=white)
+    size = options.size or max(pictures.shape[2:])
+    if pictures.shape[1] == 1 and (options.size is None or pictures.shape[2:] == (size, size)):
+        items = Lazy(pictures, rows, (lambda some: white - some) if inverted else None)
+        return found._replace(items=items, white=white)
     eight_bits = not pictures.is_floating_point()
 
     def resampled(some: Tensor) -> Tensor:
