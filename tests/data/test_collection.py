@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +31,8 @@ def test_a_collection_of_items_in_memory() -> None:
         Collection(masks, names=["a", "b"])
     with pytest.raises(UserError, match="NaN"):
         Collection(np.array([[np.nan]]))
+    with pytest.raises(UserError, match="azimuth has values that are NaN"):
+        Collection(masks, latents={"azimuth": [0.0, np.nan, 2.0]})
     with pytest.raises(UserError, match="holds no items"):
         Collection(np.zeros((0, 4)))
     with pytest.raises(UserError, match="masks/: a Collection is made of items; read a path with"):
@@ -53,6 +56,18 @@ def test_items_stay_as_they_came_and_a_batch_is_floats(items: np.ndarray, stored
     assert found.items.dtype == stored and found.white == white
     for batch in (found.batch([1, 2]), found.batch(torch.tensor([1, 2])), found.batch(slice(1, 3)), found.floats()[1:]):
         assert batch.dtype == torch.float32 and torch.equal(batch, torch.from_numpy(masks[1:]).float())
+
+
+@pytest.mark.parametrize("dtype", [">f4", ">f8", "f4", bool])
+def test_arrays_of_other_programs_are_taken_as_they_come(tmp_path: Path, dtype: Any) -> None:
+    """FITS stores the most significant byte first; pictures are flipped by a stride below 0."""
+    tilt = np.arange(3, dtype=">f4")
+    found = Collection(masks[:, ::-1].astype(dtype)[:, :, ::-1], latents={"tilt": tilt[::-1]})
+    assert torch.equal(found.floats(), torch.from_numpy(masks[:, ::-1, ::-1].copy()).float())
+    assert found.latents is not None and found.latents["tilt"].tolist() == [2, 1, 0]
+    np.savez(tmp_path / "x.npz", images=masks.astype(dtype), tilt=tilt)
+    of_file = Collection.images(tmp_path / "x.npz", latents=["tilt"]).latents
+    assert of_file is not None and of_file["tilt"].tolist() == [0, 1, 2]
 
 
 def test_a_part_of_a_collection_keeps_its_scale() -> None:

@@ -23,7 +23,7 @@ from torch import Tensor
 from typing_extensions import Self
 
 from .._types import UserError
-from .items import check_lengths, checked, tensor_of
+from .items import check_columns, checked, native, tensor_of
 from .lazy import Lazy, Rows
 from .readers.arrays import read_arrays
 from .readers.found import Found, to_floats, white_of
@@ -87,12 +87,12 @@ class Collection:
 
         Raises:
             UserError: if there is no item, a value is not finite, items are integers of another type (nothing says what
-                stands for 1), or names or latents are of another length.
+                stands for 1), or names or latents are of another length, or latents not finite.
         """
         items = checked(tensor_of(items, source), source)
         names = [f"{i:05d}" for i in range(len(items))] if names is None else names
-        known = None if latents is None else {name: torch.as_tensor(v).float() for name, v in latents.items()}
-        check_lengths(source, len(items), {"names": names, **(known or {})})
+        known = None if latents is None else {name: torch.as_tensor(native(v)).float() for name, v in latents.items()}
+        check_columns(source, len(items), {"names": names, **(known or {})})
         values = (items, tuple(names), known, tuple(skipped), source, white or white_of(items))
         for name, value in zip(self.__dataclass_fields__, values):
             object.__setattr__(self, name, value)

@@ -68,5 +68,5 @@ def latents_of(
                 f"{' of radians (or degrees)' if name in LATENTS else ''} for each of {count}{hint}"
             )
     turns = in_radians(path, {name: value for name, value in found.items() if name in LATENTS})
-    others = {name: torch.as_tensor(value).float() for name, value in found.items() if name not in LATENTS}
+    others = {name: torch.from_numpy(value.astype(np.float32)) for name, value in found.items() if name not in LATENTS}
     return turns | others or None
