@@ -239,8 +239,7 @@ def _displayed(picture: Image.Image) -> np.ndarray:
     grey = picture.mode in ("1", "L", "LA")
     mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
     shown = picture.convert(mode)
-    factor = math.ceil(math.sqrt(shown.width * shown.height / MOST_SHOWN))
-    pixels = np.asarray(ImageOps.exif_transpose(shown.reduce(factor) if factor > 1 else shown))
+    pixels = np.asarray(ImageOps.exif_transpose(_reduced(shown)))
     return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
@@ -255,6 +254,17 @@ def _labels(picture: Image.Image) -> Image.Image:
     labels = picture.copy()
     labels.putpalette([value for value in range(256) for _ in "RGB"])
     return labels.convert("L")
+
+
+def _reduced(picture: Image.Image) -> Image.Image:
+    """Return a picture of about `MOST_SHOWN` pixels at most: averages, but of labels, whose averages are none, some."""
+    factor = math.ceil(math.sqrt(picture.width * picture.height / MOST_SHOWN))
+    if factor <= 1:
+        return picture
+    values = {value for _, value in picture.getcolors(MOST_LABELS) or ()} if picture.mode == "L" else set()
+    if values <= {0, VOID}:
+        return picture.reduce(factor)
+    return picture.resize((-(-picture.width // factor), -(-picture.height // factor)), 0)  # the nearest
 
 
 def _check_one(picture: Image.Image) -> None:

@@ -15,6 +15,7 @@ import pytest
 import torch
 from PIL import Image
 
+from unproject import _pictures
 from unproject._pictures import read_displayed
 from unproject._types import UserError
 from unproject.data import Framing, ReadOptions, pack, read
@@ -206,12 +207,28 @@ def test_views_in_another_encoding(pair):
         read(pair)
 
 
+def test_labels_of_large_pictures_are_not_averaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_pictures, "MOST_SHOWN", 1000)
+    exif = Image.Exif()
+    exif[274] = 6
+    for name, label in (("label", 20), ("mask", 255)):
+        values = np.zeros((81, 121), np.uint8)
+        values[13:61, 15:90] = label
+        Image.fromarray(values).save(tmp_path / f"{name}.png", exif=exif)
+    found = read(tmp_path, 32)
+    assert found.skipped == () and found.names == ("label.png", "mask.png")
+    assert (found.floats()[0] - found.floats()[1]).abs().mean() < 0.05
+    assert _pictures.read_displayed(tmp_path / "label.png").shape == (31, 21, 1)
+    assert {*np.unique(_pictures.read_displayed(tmp_path / "label.png"))} == {0, 20}
+
+
 def test_the_size_of_a_picture_is_that_of_the_turned_one(tmp_path: Path) -> None:
     for orientation, size in ((1, (30, 20)), (3, (30, 20)), (6, (20, 30))):
         exif = Image.Exif()
         exif[274] = orientation
-        Image.new("RGB", (30, 20)).save(tmp_path / "a.jpg", exif=exif)
-        assert size_of_picture(tmp_path / "a.jpg") == size
+        for name in ("a.jpg", "a.png", "a.tif"):
+            Image.new("RGB", (30, 20)).save(tmp_path / name, exif=exif)
+            assert size_of_picture(tmp_path / name) == size
 
 
 def test_pictures_of_formats_that_are_not_read_are_skipped_by_name(tmp_path):

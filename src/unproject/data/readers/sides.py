@@ -125,7 +125,9 @@ def size_of_picture(file: Path) -> tuple[int, int] | None:
             warnings.simplefilter("ignore")
             with Image.open(file) as picture:
                 width, height = picture.size
-                lying = picture.getexif().get(ExifTags.Base.Orientation, 1) > 4
+                # The width of a TIFF is that of the turned picture already, but for its own tag.
+                turned = getattr(picture, "tag_v2", {}).get(ExifTags.Base.ImageWidth, width) != width
+                lying = not turned and picture.getexif().get(ExifTags.Base.Orientation, 1) > 4
                 return (height, width) if lying else (width, height)
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         return None
