@@ -2584,6 +2584,27 @@ TRAINING = (
         "data/test_collection.py::test_arrays_of_other_programs_are_taken_as_they_come",
     ),
     mutant(
+        "arrays: one picture in colour passes for many",
+        "data/readers/array_masks.py",
+        "len(shape) == 3 and shape[2] in (3, 4)",
+        "False",
+        "data/readers/test_arrays.py::test_the_number_of_masks_comes_first",
+    ),
+    mutant(
+        "arrays: a folder is a damaged file",
+        "data/readers/arrays.py",
+        "    if path.is_dir():\n        raise",
+        "    if False:\n        raise",
+        "data/readers/test_arrays.py::test_a_folder_is_no_file_of_arrays",
+    ),
+    mutant(
+        "textures: a file is no folder that is there",
+        "data/readers/textures.py",
+        '"is a file" if path.exists() else ',
+        "",
+        "data/readers/test_textures.py::test_missing_folders_and_damaged_files_are_named",
+    ),
+    mutant(
         "arrays: masks that stay in their file are padded to a square",
         "data/readers/arrays.py",
         "(options.size is None or pictures.shape[2:] == (size, size))",

@@ -335,8 +335,22 @@ def test_colour_pictures_are_no_masks(tmp_path: Path) -> None:
 
 def test_the_number_of_masks_comes_first(tmp_path: Path) -> None:
     np.savez(tmp_path / "last.npz", masks=blocks(9).transpose(1, 2, 0))
-    with pytest.warns(UserWarning, match=r"\(16, 16, 9\) is taken for 16 masks of 9 x 16 pixels"):
-        Collection.silhouettes(tmp_path / "last.npz")
+    for read_as in (Collection.silhouettes, Collection.images):
+        with pytest.warns(
+            UserWarning, match=r"\(16, 16, 9\) is taken for 16 pictures of 9 x 16 pixels; .*transpose\(2"
+        ):
+            read_as(tmp_path / "last.npz")
+    np.save(tmp_path / "one.npy", np.ones((12, 16, 3), np.uint8))
+    with pytest.warns(UserWarning, match=r"12 pictures of 3 x 16 pixels; if it is one picture .* array\[None\]"):
+        Collection.images(tmp_path / "one.npy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(Collection.images(saved(tmp_path, images=blocks(16)))) == 16
+
+
+def test_a_folder_is_no_file_of_arrays(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="is a folder; name a file of arrays in it"):
+        Collection.lines(tmp_path)
 
 
 def test_sinograms_in_another_order_of_axes_are_said(tmp_path: Path) -> None:

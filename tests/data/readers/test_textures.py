@@ -489,6 +489,9 @@ def test_missing_folders_and_damaged_files_are_named(tmp_path: Path) -> None:
     for read in (read_material, lambda path: Collection.materials(path, 8)):
         with pytest.raises(UserError, match="nowhere: there is no such folder"):
             read(tmp_path / "nowhere")
+    (tmp_path / "wood.zip").write_bytes(b"PK")
+    with pytest.raises(UserError, match=r"wood\.zip: is a file; name a folder of texture maps"):
+        Collection.materials(tmp_path / "wood.zip", 8)
     path = paint(material(tmp_path) / "normal.png", noisy())
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(UserError, match=r"normal\.png"):

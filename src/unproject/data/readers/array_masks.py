@@ -45,13 +45,15 @@ def _opaque(pictures: Tensor) -> bool:
 
 
 def warn_of_axes(path: Path, key: str, shape: tuple[int, ...]) -> None:
-    """Warn of an array (H, W, N), which passes for H masks of W × N pixels."""
-    if len(shape) == 3 and shape[0] == shape[1] != shape[2]:
-        warnings.warn(
-            f"{path}: {key}: {shape} is taken for {shape[0]} masks of {shape[2]} x {shape[1]} pixels; if it is "
-            "(H, W, N), save array.transpose(2, 0, 1)",
-            stacklevel=2,
-        )
+    """Warn of an array (H, W, N) or of one picture (H, W, C), which pass for H pictures of W × N or W × C pixels."""
+    one = len(shape) == 3 and shape[2] in (3, 4)
+    if not one and not (len(shape) == 3 and shape[0] == shape[1] != shape[2]):
+        return
+    other = "one picture (H, W, C), save array[None]" if one else "(H, W, N), save array.transpose(2, 0, 1)"
+    warnings.warn(
+        f"{path}: {key}: {shape} is taken for {shape[0]} pictures of {shape[2]} x {shape[1]} pixels; if it is {other}",
+        stacklevel=2,
+    )
 
 
 def are_inverted(pictures: Tensor, white: int) -> bool:

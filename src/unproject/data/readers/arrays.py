@@ -65,9 +65,9 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
         return occupied(found._replace(items=_volumes(path, key, values)), options.size, options.strict)
     pictures = _channels_first(path, key, values)
+    warn_of_axes(path, key, tuple(values.shape))
     if not options.images:
         pictures = without_colours(path, key, pictures)
-        warn_of_axes(path, key, tuple(values.shape))
     if isinstance(stored, np.memmap):
         return _in_file(path, key, found, pictures, options)
     if options.images:
@@ -97,9 +97,11 @@ def load_arrays(path: Path) -> Mapping[str, np.ndarray]:
     Those of an .npz are read when they are asked for.
 
     Raises:
-        UserError: if the file is missing, truncated, holds Python objects, or announces far more than it holds.
+        UserError: if the file is missing, a folder or truncated, holds Python objects, or announces more than it holds.
     """
     check_regular(path)
+    if path.is_dir():
+        raise UserError(f"{path}: is a folder; name a file of arrays in it")
     try:
         suffixes = {suffix.lower() for suffix in path.suffixes}
         if not suffixes & {".npz", ".npy"}:

@@ -133,7 +133,8 @@ Place: TypeAlias = tuple[Path, "list[Path] | None"]
 def material_folders(path: Path) -> dict[str, Place]:
     """Name → place: the folder itself if it is a material, else each below it that is or is meant to be one."""
     if not path.is_dir():
-        raise UserError(f"{path}: there is no such folder; name a folder of texture maps, or an .npz of maps")
+        found = "is a file" if path.exists() else "there is no such folder"
+        raise UserError(f"{path}: {found}; name a folder of texture maps, or an .npz of maps")
     if side_by_side := sets_in(path):
         return {name: (path, files) for name, files in side_by_side.items()}
     if holds_material(path):
