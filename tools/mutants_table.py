@@ -2584,6 +2584,27 @@ TRAINING = (
         "data/test_collection.py::test_arrays_of_other_programs_are_taken_as_they_come",
     ),
     mutant(
+        "arrays: the void of labels is the object",
+        "data/readers/array_masks.py",
+        "if int(labels.sum()) > int(void.sum()) > 0 and",
+        "if False and",
+        "data/readers/test_arrays.py::test_labels_with_a_void_are_no_masks",
+    ),
+    mutant(
+        "arrays: soft masks with a bright rim are labels",
+        "data/readers/array_masks.py",
+        "if int(labels.sum()) > int(void.sum()) > 0 and",
+        "if 0 < int(void.sum()) and",
+        "data/readers/test_arrays.py::test_labels_with_a_void_are_no_masks",
+    ),
+    mutant(
+        "framing: values of arrays are taken for labels",
+        "data/readers/framing.py",
+        "return _of_labels(distance) if labels else distance,",
+        "return _of_labels(distance),",
+        "data/readers/test_arrays.py::test_values_of_arrays_stay_when_they_are_averaged",
+    ),
+    mutant(
         "arrays: one picture in colour passes for many",
         "data/readers/array_masks.py",
         "len(shape) == 3 and shape[2] in (3, 4)",

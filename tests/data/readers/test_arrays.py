@@ -269,6 +269,33 @@ def test_labels_are_masks(tmp_path: Path, high: int) -> None:
     assert Collection(grey).white == (1 if high == 1 else 255)
 
 
+@pytest.mark.parametrize("suffix", ["npz", "npy"])
+def test_labels_with_a_void_are_no_masks(tmp_path: Path, suffix: str) -> None:
+    """Their contours were objects, with 6 % inside, and those without a void were empty."""
+    labels = np.zeros((4, 16, 16), np.uint8)
+    labels[:2, 3:12, 3:12], labels[:, 4:11, 4:11] = 255, 15
+    path = tmp_path / f"voc.{suffix}"
+    np.savez(path, masks=labels) if suffix == "npz" else np.save(path, labels)
+    with pytest.raises(UserError, match="holds labels up to 15 and 255, as segmentations mark what is void"):
+        Collection.silhouettes(path)
+    assert Collection.images(path).floats()[0, 0, 8, 8] == pytest.approx(15 / 255)
+    soft = blocks()
+    soft[:, 4] = 12
+    np.savez(tmp_path / "soft.npz", masks=soft)
+    assert len(Collection.silhouettes(tmp_path / "soft.npz")) == 5
+
+
+@pytest.mark.parametrize("suffix", ["npz", "npy"])
+def test_values_of_arrays_stay_when_they_are_averaged(tmp_path: Path, suffix: str) -> None:
+    """Of pictures in a folder two values are a mask, and faint ones beside a bright one are labels."""
+    soft = np.zeros((3, 16, 16), np.float32)
+    soft[0, 4:12, 4:12], soft[1, 2:14, 4:12], soft[1, 2:14, 7:9], soft[2, 4:12, 4:12] = 0.75, 0.0625, 1, 1
+    path = tmp_path / f"soft.{suffix}"
+    np.savez(path, masks=soft) if suffix == "npz" else np.save(path, soft)
+    found = Collection.silhouettes(path, 8).floats()[:, 0]
+    assert torch.equal(found, torch.from_numpy(soft).unflatten(1, (8, 2)).unflatten(3, (8, 2)).mean((2, 4)))
+
+
 def test_masks_that_show_nothing_are_left_out(tmp_path: Path) -> None:
     masks = blocks()
     masks[[1, 3]] = 0

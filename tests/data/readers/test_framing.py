@@ -237,10 +237,11 @@ def test_of_a_folder_of_close_crops_no_border_tells() -> None:
     assert frame(box, 32, rule).background == "dark" and frame(box, 32).background == "light"
 
 
-@pytest.mark.parametrize("values", [(0, 1 / 255), (0, 20 / 255), (3 / 255, 4 / 255)])
+@pytest.mark.parametrize("values", [(0, 1 / 255), (0, 20 / 255), (3 / 255, 4 / 255), (0, 100 / 255)])
 def test_two_values_are_a_mask_whatever_they_are(values: tuple[float, float]) -> None:
     low, high = values
-    assert torch.equal(frame(low + (high - low) * letter(4), 32).image, frame(letter(4), 32).image)
+    found = frame(low + (high - low) * letter(4), 32)
+    assert torch.equal(found.image, frame(letter(4), 32).image) and found.channel == "luminance"
 
 
 def test_dirt_does_not_decide_the_crop() -> None:

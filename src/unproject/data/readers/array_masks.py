@@ -21,7 +21,18 @@ GREY = 0.02
 """Mean difference of channels up to which three of them are one."""
 
 
-def without_colours(path: Path, key: str, pictures: Tensor) -> Tensor:
+def checked_masks(path: Path, key: str, pictures: Tensor) -> Tensor:
+    """Return what `_without_colours` does.
+
+    Raises:
+        UserError: for what is no mask: opaque pictures in colour, and labels with a void.
+    """
+    masks = _without_colours(path, key, pictures)
+    _refuse_labels(path, key, masks)
+    return masks
+
+
+def _without_colours(path: Path, key: str, pictures: Tensor) -> Tensor:
     """Return grey pictures as masks (N, 1, H, W), cut-outs (N, 4, H, W) as they are.
 
     Raises:
@@ -37,6 +48,27 @@ def without_colours(path: Path, key: str, pictures: Tensor) -> Tensor:
             "pictures, in which objects are told from a plain backdrop (of surfaces: see materials)"
         )
     return pictures[:, :1]
+
+
+LABELS = 25
+"""Labels of a segmentation at most; Pascal VOC has 20 beside the void, 255."""
+
+
+def _refuse_labels(path: Path, key: str, pictures: Tensor) -> None:
+    """Refuse segmentations of 8 bits (N, 1, H, W), of which 255 is the void around objects, not an object.
+
+    Raises:
+        UserError: if more pixels are labels than void, and none is anything else.
+    """
+    if pictures.dtype != torch.uint8 or pictures.shape[1] != 1:
+        return
+    some = pictures[spread_rows(len(pictures), 64)]
+    labels, void = (some > 0) & (some <= LABELS), some == 255
+    if int(labels.sum()) > int(void.sum()) > 0 and bool((labels | void | (some == 0)).all()):
+        raise UserError(
+            f"{path}: {key}: holds labels up to {int(some[labels].max())} and 255, as segmentations mark what is void; "
+            "save the masks (labels > 0) & (labels < 255)"
+        )
 
 
 def _opaque(pictures: Tensor) -> bool:

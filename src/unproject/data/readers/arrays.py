@@ -27,7 +27,7 @@ from ..._files import check_regular, check_unpacked
 from ..._pictures import LONGEST
 from ..._types import UserError
 from ..lazy import Lazy
-from .array_masks import are_inverted, masks_of, shown_rows, warn_of_axes, warn_of_inversion, without_colours
+from .array_masks import are_inverted, checked_masks, masks_of, shown_rows, warn_of_axes, warn_of_inversion
 from .found import Found, chunks, to_bytes, to_floats, white_of, without
 from .framing import AS_GIVEN, frame
 from .images import as_images
@@ -67,7 +67,7 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
     pictures = _channels_first(path, key, values)
     warn_of_axes(path, key, tuple(values.shape))
     if not options.images:
-        pictures = without_colours(path, key, pictures)
+        pictures = checked_masks(path, key, pictures)
     if isinstance(stored, np.memmap):
         return _in_file(path, key, found, pictures, options)
     if options.images:

@@ -151,10 +151,11 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     """
     rule = Framing() if framing is None else framing
     picture = picture[..., None] if picture.ndim == 2 else picture
-    coverage, background = coverage_of(picture, rule.polarity)
+    labels = rule.threshold is not None
+    coverage, background = coverage_of(picture, rule.polarity, labels)
     untold = rule.close or _border(coverage >= 0.5).mean() > TOUCHED
     if untold and rule.polarity == "auto" and background != "transparent" and is_mask(coverage):
-        coverage, background = coverage_of(picture, rule.undecided)
+        coverage, background = coverage_of(picture, rule.undecided, labels)
     channel = "alpha" if background == "transparent" else "luminance"
     cut, parts = False, 1
     if rule.threshold is not None:
@@ -171,8 +172,8 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height, cut, parts)
 
 
-def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.ndarray, str]:
-    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is."""
+def coverage_of(picture: np.ndarray, polarity: Polarity = "auto", labels: bool = True) -> tuple[np.ndarray, str]:
+    """Step 1: the coverage (H, W) of a picture (H, W, C), and what its background is; of few values as `labels`."""
     channels = picture.shape[-1]
     if channels in (2, 4):
         if picture[..., -1].min() < 1:
@@ -181,11 +182,16 @@ def coverage_of(picture: np.ndarray, polarity: Polarity = "auto") -> tuple[np.nd
     background = {"light": 0.0, "dark": 1.0}.get(polarity)
     colour = border_colour(picture) if background is None else np.full(picture.shape[-1], background)
     distance = np.abs(picture - colour).max(-1).astype(np.float32)
+    return _of_labels(distance) if labels else distance, "light" if colour.mean() > 0.5 else "dark"
+
+
+def _of_labels(distance: np.ndarray) -> np.ndarray:
+    """Of two values alone 0 and 1, whatever they are, of a segmentation's labels the objects'; others as they are."""
     distance = _without_void(distance)
     highest = distance.max()
     if 0 < highest < 1 and np.isin(distance, (0, highest)).all():
         distance = distance / highest
-    return distance, "light" if colour.mean() > 0.5 else "dark"
+    return distance
 
 
 def _without_void(distance: np.ndarray) -> np.ndarray:
