@@ -2605,6 +2605,13 @@ TRAINING = (
         "data/readers/test_arrays.py::test_values_of_arrays_stay_when_they_are_averaged",
     ),
     mutant(
+        "materials: albedos of 8 bits as floats are taken as they are",
+        "data/readers/textures.py",
+        "BRIGHTEST = 2.0",
+        "BRIGHTEST = 256.0",
+        "data/readers/test_textures.py::test_albedos_in_the_unit_of_8_bits_are_refused",
+    ),
+    mutant(
         "arrays: one picture in colour passes for many",
         "data/readers/array_masks.py",
         "len(shape) == 3 and shape[2] in (3, 4)",

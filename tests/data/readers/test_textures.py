@@ -21,7 +21,7 @@ from unproject.data.readers.texture_maps import normals_from_height
 from unproject.data.readers.texture_names import find_textures, holds_material, role_of, sets_in, words_of
 from unproject.domains import Maps
 from unproject.ops.exposure import linear_from_srgb
-from unproject.ops.maps import luminance, unpack_maps
+from unproject.ops.maps import MAPS, luminance, unpack_maps
 from unproject.recipes.material_panels import textures_of
 
 MEASURED = Path(__file__).parents[4] / "shared" / "data" / "materials" / "svbrdf"
@@ -483,6 +483,16 @@ def test_floats_out_of_range_name_their_file(tmp_path: Path, name: str, value: A
     paint(tmp_path / f"{name}.exr", value, dtype=np.float32)
     with pytest.raises(UserError, match=reason):
         read_material(tmp_path)
+
+
+def test_albedos_in_the_unit_of_8_bits_are_refused(tmp_path: Path) -> None:
+    maps = {name: np.full((2, 3 if name in ("diffuse", "normal") else 1, 8, 8), 0.5, np.float32) for name in MAPS}
+    maps["normal"][:, :2], maps["normal"][:, 2] = 0, 1
+    np.savez(tmp_path / "right.npz", **maps)
+    assert len(Collection.materials(tmp_path / "right.npz")) == 2
+    np.savez(tmp_path / "wrong.npz", **{**maps, "diffuse": 255 * maps["diffuse"]})
+    with pytest.raises(UserError, match=r"wrong\.npz: diffuse runs to 128, and an albedo to 1"):
+        Collection.materials(tmp_path / "wrong.npz")
 
 
 def test_missing_folders_and_damaged_files_are_named(tmp_path: Path) -> None:

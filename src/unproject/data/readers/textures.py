@@ -38,6 +38,9 @@ from .framing import centred_square
 from .texture_maps import DIELECTRIC, Convention, common_size, maps_of, pictures_of
 from .texture_names import candidates, find_textures, holds_material, picture_names, sets_in
 
+BRIGHTEST = 2.0
+"""Diffuse albedo in an .npz from which on it surely is in another unit, such as 255; fits overshoot 1 a little."""
+
 
 def read_material(
     folder: str | PathLike[str],
@@ -180,6 +183,10 @@ def _from_arrays(path: Path, size: int | None, fresnel: str) -> Found:
         if values.ndim not in (3, 4) or values.size == 0:
             raise UserError(
                 f"{path}: {name} is of shape {values.shape}; give (N, C, H, W) or (C, H, W), none of them 0"
+            )
+        if name == "diffuse" and values.max() > BRIGHTEST:
+            raise UserError(
+                f"{path}: diffuse runs to {values.max():.3g}, and an albedo to 1; scale it, or decode it from sRGB"
             )
         with np.errstate(over="ignore"):
             maps[name] = torch.from_numpy(values.astype(np.float32).reshape(-1, *values.shape[-3:]))
