@@ -127,6 +127,24 @@ def test_the_patches_are_those_of_training(tmp_path: Path) -> None:
     assert found.materials.names == ("ash", "oak")
 
 
+def test_maps_of_formats_that_are_not_read_are_named(tmp_path: Path) -> None:
+    """As engines have them: a normal map that is left out makes a flat surface."""
+    folder = tmp_path / "stone"
+    folder.mkdir()
+    for name in ("stone_BaseColor", "stone_Roughness", "stone_Normal"):
+        (folder / f"{name}.tga").write_bytes(b"whatever")
+    with pytest.raises(
+        UserError, match=r"none of the 3 pictures .*stone_BaseColor\.tga: \.tga is not read; save it as"
+    ):
+        inspect_materials(tmp_path, 16)
+    Image.new("RGB", (64, 64), (90, 80, 70)).save(folder / "stone_BaseColor.png")
+    with pytest.raises(UserError, match=r"no roughness map, and stone_BaseColor\.tga is not read, save it as \.png"):
+        inspect_materials(tmp_path, 16)
+    Image.new("L", (64, 64), 90).save(folder / "stone_Roughness.png")
+    found = inspect_materials(tmp_path, 16)
+    assert {row.name: row.skipped for row in found.skipped}["stone/stone_Normal.tga"].startswith(".tga is not read")
+
+
 def test_stray_pictures_and_enlarged_materials_are_said(tmp_path: Path, capsys) -> None:
     folder = textures(tmp_path)
     for name in ("oak/IMG_2041.png", "notes.jpg"):

@@ -15,6 +15,7 @@ from .readers.found import check_size
 from .readers.lights import (
     KINDS,
     MAX_NAMED,
+    SAVE,
     SUFFIXES,
     UNREAD,
     photographed,
@@ -67,6 +68,10 @@ def _of_textures(path: Path, size: int, strict: bool) -> Inspection:
     sizes: dict[str, str] = {}
     if side is not None:
         places = material_folders(path)
+        rows += [
+            FileRow(file.relative_to(path).as_posix(), skipped=f"{file.suffix} is not read; {SAVE}")
+            for file in files_with(path, UNREAD)
+        ]
         stray = pictures_of_no_map(path, places)
         rows += [FileRow(file.relative_to(path).as_posix(), skipped="its name is no map's") for file in stray]
         stored = {name: _stored_size(*places[name]) for name in whole.names}

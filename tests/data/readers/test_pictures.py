@@ -233,11 +233,14 @@ def test_the_size_of_a_picture_is_that_of_the_turned_one(tmp_path: Path) -> None
 
 def test_pictures_of_formats_that_are_not_read_are_skipped_by_name(tmp_path):
     Image.new("L", (20, 20), 255).save(tmp_path / "a.png")
-    for name in ("b.HEIC", "c.gif", ".d.gif", "notes.txt"):
+    for name in ("b.HEIC", "c.gif", ".d.gif", "notes.txt", "e.jfif", "f.pgm", "g.tga"):
         (tmp_path / name).write_bytes(b"whatever")
     found = read(tmp_path, pictures="images")
     reasons = dict(found.skipped)
-    assert set(reasons) == {"b.HEIC", "c.gif"} and reasons["c.gif"] == ".gif is not read; save it as .jpg, .png or .tif"
+    assert (
+        set(reasons) == {"b.HEIC", "c.gif", "e.jfif", "f.pgm", "g.tga"}
+        and reasons["c.gif"] == ".gif is not read; save it as .jpg, .png or .tif"
+    )
     assert dict(pack(tmp_path, tmp_path.with_suffix(".npz"), ReadOptions(images=True)).skipped) == reasons
     with pytest.raises(UserError, match=r"b.HEIC: .HEIC is not read"):
         read(tmp_path, pictures="images", strict=True)

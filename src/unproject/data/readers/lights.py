@@ -111,11 +111,14 @@ def refuse_unsorted(path: Path) -> None:
     """Refuse a folder of photographs of which nothing says how they were lit, and whose names are no maps'.
 
     Raises:
-        UserError: saying into which sub-folders to put them.
+        UserError: saying into which sub-folders to put them; or, if none is of a format that is read, how to save them.
     """
-    files = [*unsorted(path)]
+    found = unsorted(path)
+    files = [*found]
     if not files or any(candidates(folder) for folder in {file.parent for file in files}):
         return
+    if all(file.suffix.lower() in UNREAD for file in files):
+        raise UserError(f"{path}: none of the {len(files)} pictures can be used ({files[0].name}: {found[files[0]]})")
     if path.name.lower() in OBSERVATIONS:
         raise UserError(f"{path}: is what a folder of materials has as a sub-folder; name {path.absolute().parent}")
     inside = sorted({file.relative_to(path).parts[0] for file in files if file.parent != path})

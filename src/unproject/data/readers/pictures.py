@@ -31,6 +31,7 @@ LOOKED_AT = 64
 """Pictures of a folder that are looked at to tell whether objects are light or dark in most of them."""
 UNREAD = (
     ".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif", ".svg", ".psd", ".xcf",
+    ".jfif", ".jpe", ".tga", ".dds", ".pbm", ".pgm", ".ppm", ".pnm",
     ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".exr", ".hdr", ".dcm", ".mrc",
 )  # fmt: skip
 """Of telephones, cameras, browsers, editors, renderers and scanners, which no reader of masks and images takes."""

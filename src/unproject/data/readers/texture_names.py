@@ -20,6 +20,7 @@ from pathlib import Path
 
 from ..._files import is_file_or_broken_link
 from ..._types import UserError
+from .pictures import UNREAD
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp")
 WORDS = {
@@ -145,6 +146,12 @@ def picture_names(folder: Path) -> list[Path]:
     return sorted(f for f in files if is_file_or_broken_link(f))
 
 
+def unread_maps(folder: Path) -> list[Path]:
+    """The files in a folder that are named as maps and of a format that is not read, sorted."""
+    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in {*UNREAD} - {*SUFFIXES} and f.is_file())
+    return [file for file in files if role_of(words_of(file.stem)) is not None]
+
+
 def holds_material(folder: Path) -> bool:
     """Whether pictures in this folder are named as two maps of a material."""
     return len(candidates(folder).keys() - {"unused"}) > 1
@@ -231,11 +238,12 @@ def find_textures(folder: Path, normal: str = "auto", of: Sequence[Path] | None 
     found = candidates(folder, of)
     if not set(found) & {"colour", *ROUGH}:
         raise UserError(f"{folder}: holds no texture maps; name pictures by one of these words: {LOOKED_FOR}")
+    beside = "".join(f", and {file.name} is not read, save it as .png" for file in unread_maps(folder)[:1])
     if "colour" not in found:
-        raise UserError(f"{folder}: has no colour map; add a picture named {', '.join(WORDS['colour'])}")
+        raise UserError(f"{folder}: has no colour map{beside}; add a picture named {', '.join(WORDS['colour'])}")
     if not set(found) & set(ROUGH):
         raise UserError(
-            f"{folder}: has no roughness map; add a grey picture named roughness, or glossiness if it is that"
+            f"{folder}: has no roughness map{beside}; add a grey picture named roughness, or glossiness if it is that"
         )
     found["normal"] = _preferred(found.get("normal", []), normal)
     if not set(found) & {"roughness", "packed"} and "specular" not in found:

@@ -39,7 +39,7 @@ from .texture_maps import DIELECTRIC, Convention, common_size, maps_of, pictures
 from .texture_names import candidates, find_textures, holds_material, picture_names, sets_in
 
 BRIGHTEST = 2.0
-"""Diffuse albedo in an .npz from which on it surely is in another unit, such as 255; fits overshoot 1 a little."""
+"""Diffuse albedo in an .npz beyond which it surely is in another unit, as pictures of 0 to 255 are."""
 
 
 def read_material(
