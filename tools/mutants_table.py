@@ -2640,6 +2640,13 @@ TRAINING = (
         "data/test_material_inspection.py::test_maps_of_formats_that_are_not_read_are_named",
     ),
     mutant(
+        "shapes: classes of lone volumes are chosen in vain",
+        "data/readers/shapes.py",
+        "path.exists() and not _has_classes(path)",
+        "path.is_dir()",
+        "data/readers/test_shapes.py::test_selecting_from_what_has_no_classes",
+    ),
+    mutant(
         "arrays: one picture in colour passes for many",
         "data/readers/array_masks.py",
         "len(shape) == 3 and shape[2] in (3, 4)",

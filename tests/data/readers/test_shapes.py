@@ -186,6 +186,14 @@ def test_selecting_from_what_has_no_classes(tmp_path):
     with pytest.raises(UserError, match="holds no classes to choose from"):
         read(f"{tmp_path}/a.npz:chair")
     assert Collection.volumes(tmp_path / "a.npz", 8).items.shape == (1, 8, 8, 8)
+    np.savez(tmp_path / "bits.npz", volume=np.packbits(np.ones((1, 512), bool), axis=1), shape=[8, 8, 8])
+    for path in (tmp_path / "a.npz", tmp_path / "bits.npz", tmp_path):
+        with pytest.raises(UserError, match="holds no classes to choose from, nor training and test parts"):
+            Collection.volumes(path, 8, classes=("chair",))
+        with pytest.raises(UserError, match="holds no classes to choose from, nor training and test parts"):
+            Collection.volumes(path, 8, split="test")
+    with pytest.raises(UserError, match="holds no classes to choose from"):
+        read(f"{tmp_path}/bits.npz:chair")
 
 
 def test_packed_volume_with_its_shape(tmp_path):

@@ -46,6 +46,8 @@ def find_volumes(
         UserError: if nothing there can be used.
     """
     path, selector = split_selector(path)
+    if (selector or classes or split) and path.exists() and not _has_classes(path):
+        raise UserError(f"{path}: holds no classes to choose from, nor training and test parts; leave the choice out")
     if path.is_dir():
         files = files_with(path, SUFFIXES)
     elif path.suffix.lower() in SUFFIXES:
@@ -73,6 +75,11 @@ def is_shape_archive(path: Path) -> bool:
     return "shape.npy" in names and bool(names & {"X_train.npy", "X_test.npy", "volume.npy", "voxels.npy"})
 
 
+def _has_classes(path: Path) -> bool:
+    """Whether a file is an archive of training and test parts, as those of packed bits are but for lone volumes."""
+    return is_shape_archive(path) and any(name.startswith("X_") for name in shapes_of(load_arrays(path)))
+
+
 def turned_up(volumes: Tensor, up_axis: UpAxis) -> Tensor:
     """Volumes (N, X, Y, Z) with y up: from z up, (x, y, z) becomes (x, z, -y)."""
     if up_axis not in ("y", "z"):
@@ -92,7 +99,7 @@ def _read_archive(
     if not path.exists():
         raise UserError(f"{path}: there is no such file or folder; check the path")
     if not is_shape_archive(path):
-        return _read_plain(path, selector, resolution, up_axis or "y", strict)
+        return _read_plain(path, resolution, up_axis or "y", strict)
     arrays = load_arrays(path)
     if "volume" in arrays or "voxels" in arrays:
         volumes = _unpacked(path, arrays["volume" if "volume" in arrays else "voxels"], arrays["shape"])
@@ -106,11 +113,10 @@ def _read_archive(
     return occupied(found, resolution, strict)
 
 
-def _read_plain(path: Path, selector: str, resolution: int | None, up_axis: UpAxis, strict: bool) -> Found:
+def _read_plain(path: Path, resolution: int | None, up_axis: UpAxis, strict: bool) -> Found:
     found = read_arrays(path, ReadOptions(resolution, strict=strict))
-    if selector or found.items.shape[1] != found.items.shape[-1]:
-        wanted = "classes to choose from" if selector else "volumes"
-        raise UserError(f"{path}: holds no {wanted}; save them as volume (N, X, Y, Z)")
+    if found.items.shape[1] != found.items.shape[-1]:
+        raise UserError(f"{path}: holds no volumes; save them as volume (N, X, Y, Z)")
     return found._replace(items=turned_up(found.whole, up_axis))
 
 
