@@ -2647,6 +2647,13 @@ TRAINING = (
         "data/readers/test_shapes.py::test_selecting_from_what_has_no_classes",
     ),
     mutant(
+        "photographs: negative light is black",
+        "data/readers/photographs.py",
+        "if below > CLIPPED:",
+        "if False:",
+        "data/readers/test_photographs.py::test_photographs_of_floats_that_would_be_white_are_refused",
+    ),
+    mutant(
         "arrays: one picture in colour passes for many",
         "data/readers/array_masks.py",
         "len(shape) == 3 and shape[2] in (3, 4)",

@@ -187,7 +187,7 @@ def _reason(text: str) -> str:
 
 
 def read_displayed(file: Path) -> np.ndarray:
-    """Read a picture as (H, W, C), C = 1 to 4, turned as its camera says: uint8, or float32 in [0, 1] of deeper ones.
+    """Read a picture (H, W, C), C = 1 to 4, turned as its camera says: uint8, or float32 in [0, 1] of deeper grey ones.
 
     Raises:
         UnusablePicture: if it cannot be read, or is so large that Pillow takes it for a decompression bomb.

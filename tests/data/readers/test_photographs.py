@@ -104,6 +104,9 @@ def test_photographs_of_floats_that_would_be_white_are_refused(tmp_path: Path) -
         Collection.photographs(tmp_path, "flash", 16)
     write_picture(tmp_path / "flash" / "a.exr", radiance / 30, "float")
     assert Collection.photographs(tmp_path, "flash", 16).items.max() < 1
+    write_picture(tmp_path / "flash" / "a.exr", radiance / 30 - 0.5, "float")
+    with pytest.raises(UserError, match="[45][0-9]% of its values are negative, as no light is"):
+        Collection.photographs(tmp_path, "flash", 16)
 
 
 def test_a_cut_out_photograph_is_refused_and_alpha_of_maps_is_dropped(tmp_path: Path) -> None:

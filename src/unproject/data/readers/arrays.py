@@ -5,7 +5,8 @@ C of 1, 3 or 4; volumes (N, X, Y, Z). Line integrals, in any unit and of any typ
 named `lines`, or sinograms (M, D, A), named `sinograms`. Known views may stand beside them as `azimuth` and
 `elevation`, or `angle`, (N,) or (A,), in radians, or in degrees if one is beyond 4 π (other spellings: `LATENTS`);
 so may `names` (N,) of items, and what was left out as `skipped` and `reasons` (M,). A .npy file, and what is large in
-an .npz that is not compressed, is mapped into memory, not read; pictures of it are resampled by the batch.
+an .npz that is not compressed, is mapped into memory, not read; pictures of it are resampled by the batch. Floats of 64
+or 16 bits are made float32 first, in memory.
 """
 
 from __future__ import annotations

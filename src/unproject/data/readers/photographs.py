@@ -114,13 +114,16 @@ def _check_opaque(file: Path, name: str, pixels: np.ndarray) -> None:
 
 
 def _check_exposure(file: Path, name: str, pixels: np.ndarray, stored: str) -> None:
-    """Refuse photographs of linear light most of whose colours would be white."""
+    """Refuse photographs of linear light most of whose colours would be white, or are below black."""
     if name in MAPS or "int" in stored:
         return
     clipped = float((pixels > 1).mean())
     if clipped > CLIPPED:
         white = np.quantile(pixels, 0.99)
         raise UserError(f"{file}: {clipped:.0%} of its values are above 1, which is white; divide them by {white:.3g}")
+    below = float((pixels < 0).mean())
+    if below > CLIPPED:
+        raise UserError(f"{file}: {below:.0%} of its values are negative, as no light is; give linear radiance")
 
 
 def _normals(file: Path, values: Tensor) -> Tensor:
