@@ -194,6 +194,11 @@ def test_equally_long_ones_that_are_not_centred_were_not_cropped() -> None:
     assert common_fill(centred[..., 2:-2, :]) is None
 
 
+def test_silhouettes_of_half_precision_are_framed_in_single() -> None:
+    half = boot(20, 4, 4).bfloat16()
+    assert torch.equal(framed(half, 32), framed(half.float(), 32))
+
+
 # Volumes
 
 

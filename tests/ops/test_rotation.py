@@ -137,3 +137,15 @@ def test_pixels_of_oblong_images_are_square() -> None:
     x = torch.zeros(1, 1, 8, 16)
     x[..., 2:6, 6:10] = 1
     torch.testing.assert_close(rotate_image(x, torch.tensor([QUARTER])), x, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("kind", [torch.bfloat16, torch.float16])
+@pytest.mark.parametrize("turned", [rotate_y, lambda x, angle: rotate(x, angle, angle / 2)])
+def test_volumes_of_half_precision_are_turned_by_the_whole_angle(kind: torch.dtype, turned) -> None:
+    x, angle = random_volume(2, 16, 16, 16).to(kind), torch.tensor([0.05, 6.1])
+    assert torch.equal(turned(x, angle), turned(x.float(), angle))
+
+
+def test_images_of_half_precision_are_turned_by_the_whole_angle() -> None:
+    x, angle = random_volume(2, 1, 16, 16).bfloat16(), torch.tensor([0.05, 6.1])
+    assert torch.equal(rotate_image(x, angle), rotate_image(x.float(), angle))

@@ -58,3 +58,8 @@ def test_lines_of_a_turned_image_are_those_of_the_turned_direction() -> None:
     lines, a = LineIntegral(), 0.7
     off = lines(turn_image(DIGITS, all_at(0.25)), angle=all_at(a)) - lines(DIGITS, angle=all_at(a - 0.25))
     assert off.abs().mean() < 0.03 * lines(DIGITS, angle=all_at(a)).mean()
+
+
+def test_images_of_half_precision_are_turned_in_single() -> None:
+    half, angle = DIGITS[:2].bfloat16(), torch.tensor([0.05, 6.1])
+    assert torch.equal(turn_image(half, angle), turn_image(half.float(), angle))

@@ -130,7 +130,7 @@ def resampled(silhouettes: Tensor, centre: tuple[Tensor, Tensor], pixel: Tensor,
     down, across = (
         _shares(middle, pixel, count, size) for middle, count in zip(centre, silhouettes.shape[2:], strict=True)
     )
-    return (down @ silhouettes[:, 0] @ across.transpose(1, 2)).clamp(0, 1)[:, None]
+    return (down @ silhouettes[:, 0].to(down) @ across.transpose(1, 2)).clamp(0, 1)[:, None]
 
 
 def _shares(middle: Tensor, cell: Tensor, count: int, size: int) -> Tensor:

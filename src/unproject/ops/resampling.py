@@ -21,6 +21,11 @@ def centres(count: int, like: Tensor) -> Tensor:
     return (torch.arange(count, dtype=like.dtype, device=like.device) * 2 + 1 - count) / count
 
 
+def in_single(x: Tensor) -> Tensor:
+    """Return x in float32 if it is of half precision, which cannot place a sample; float64 stays."""
+    return x.to(torch.promote_types(x.dtype, torch.float32))
+
+
 def interval_shares(source: Tensor, target: Tensor) -> Tensor:
     """(m, n): the share of target interval i, between edges i and i + 1, that lies in source interval j.
 
@@ -100,7 +105,7 @@ def sample_volume(x: Tensor, points: Tensor) -> Tensor:
     """Interpolate x trilinearly between voxel centres at `points`; zero outside.
 
     Args:
-        x: (B, X, Y, Z).
+        x: (B, X, Y, Z); of half precision, the values are float32.
         points: (B, ..., 3) as (x, y, z) in [-1, 1]³.
 
     Returns:
@@ -112,6 +117,7 @@ def sample_volume(x: Tensor, points: Tensor) -> Tensor:
         >>> up.ops.sample_volume(volume, torch.tensor([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]]))
         tensor([[1., 0.]])
     """
+    x = in_single(x)
     grid = points.flip(-1).flatten(1, -2)[:, :, None, None]
     values = F.grid_sample(x.unsqueeze(1), grid.to(x), align_corners=False)
     return values.reshape(points.shape[:-1])

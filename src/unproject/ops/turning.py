@@ -10,7 +10,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from .resampling import centres
+from .resampling import centres, in_single
 from .rotation import cos_sin
 
 FINER = 2
@@ -22,7 +22,7 @@ def turn_image(x: Tensor, angle: Tensor, reflected: Tensor | None = None) -> Ten
     Quarter turns are exact. What leaves the image is lost; outside it is 0, so that images should be 0 at their border.
 
     Args:
-        x: (B, C, N, N).
+        x: (B, C, N, N); what is of half precision is turned in float32.
         angle: (B,) radians.
         reflected: (B,) bool (default: none).
 
@@ -36,6 +36,7 @@ def turn_image(x: Tensor, angle: Tensor, reflected: Tensor | None = None) -> Ten
         >>> torch.allclose(there, digits.rot90(1, (2, 3)), atol=1e-5)
         True
     """
+    x = in_single(x)
     if reflected is not None:
         x = torch.where(reflected[:, None, None, None], x.flip(3), x)
     size = x.shape[3]
