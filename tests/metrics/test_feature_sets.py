@@ -7,6 +7,7 @@ import torch
 
 from unproject._random import generator_at
 from unproject._types import UserError
+from unproject.metrics import feature_sets
 from unproject.metrics.feature_sets import (
     cubic_kernel,
     density_coverage,
@@ -27,6 +28,31 @@ def test_kernel_distance_by_hand():
     x, y = torch.tensor([[0.0], [1.0]]), torch.tensor([[1.0], [2.0]])
     assert kernel_distance(x, y) == pytest.approx(9.5)
     assert kernel_distance(y, x) == pytest.approx(9.5)
+
+
+def test_kernels_of_large_sets_are_added_up_part_by_part(monkeypatch):
+    x, y = normal(70, 3, 0), normal(50, 3, 1, 0.5)
+    whole, largest = kernel_distance(x, y), []
+
+    def kernel(some, others):
+        largest.append(len(some))
+        return cubic_kernel(some, others)
+
+    monkeypatch.setattr(feature_sets, "ROWS", 16)
+    monkeypatch.setattr(feature_sets, "cubic_kernel", kernel)
+    assert kernel_distance(x, y) == pytest.approx(whole, rel=1e-12)
+    assert max(largest) == 16
+
+
+@pytest.mark.parametrize("score", [frechet_distance, kernel_distance, precision_recall, density_coverage])
+def test_features_that_are_not_finite_are_refused(score):
+    x = normal(8, 3, 0)
+    for broken in (float("nan"), float("inf")):
+        other = x.clone()
+        other[2, 1] = broken
+        for pair in ((x, other), (other, x)):
+            with pytest.raises(UserError, match="NaN or infinite; leave out"):
+                score(*pair)
 
 
 def test_kernel_divides_by_the_number_of_features():
