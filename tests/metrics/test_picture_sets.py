@@ -45,3 +45,10 @@ def test_pictures_that_agree_in_being_above_a_half_differ() -> None:
 def test_a_picture_that_is_no_number_is_refused() -> None:
     with pytest.raises(UserError):
         picture_scores(pictures(4, 0) * float("nan"), pictures(4, 1))
+
+
+@pytest.mark.parametrize("other", [pictures(1, 1), pictures(4, 1).reshape(4, 1, 4, 16), pictures(4, 1)[..., 1:]])
+def test_single_pictures_and_those_of_other_sizes_are_refused(other: torch.Tensor) -> None:
+    for sets in ((pictures(4, 0), other), (other, pictures(4, 0))):
+        with pytest.raises(UserError, match="at least two pictures of one size"):
+            picture_scores(*sets)

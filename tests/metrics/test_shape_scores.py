@@ -7,7 +7,9 @@ import torch
 from unproject._random import generator_at
 from unproject._types import UserError
 from unproject.metrics.gauge import Gauge, apply
-from unproject.metrics.shape_scores import shape_scores
+from unproject.metrics.picture_sets import root_mean_square
+from unproject.metrics.shape_scores import drawn, set_scores, shape_scores
+from unproject.metrics.shape_sets import coverage, minimum_matching_distance
 
 SCORES = ("mmd_{}", "cov_{}", "mmd_{}_equal", "cov_{}_equal", "1nna_{}")
 NAMES = {score.format(distance) for score in SCORES for distance in ("iou", "chamfer")}
@@ -34,6 +36,23 @@ def test_scores_by_hand_as_the_shapes_stand():
     assert "all choices of 2 of 3 generated vs 2 reference" in scores["mmd_iou_equal"].protocol
     assert (scores["mmd_iou"].n, scores["1nna_iou"].n) == (3, 2)
     assert set(scores) == NAMES | {"empty"}
+
+
+def test_sets_of_equal_size_are_so_where_references_are_more():
+    """So few generated items can cover a tenth of all references at most."""
+    generated, reference = (torch.rand(n, 4, generator=generator_at(n)) for n in (20, 200))
+    scores = set_scores("rms", root_mean_square, generated, reference, "rms), {} generated vs {} reference")
+    assert scores["cov_rms"].value <= 0.1 < 0.4 < scores["cov_rms_equal"].value
+    few = root_mean_square(generated, reference[drawn(200, 20, 0)])
+    assert scores["cov_rms_equal"].value == pytest.approx(coverage(few))
+    assert scores["mmd_rms_equal"].value == pytest.approx(minimum_matching_distance(few))
+    assert scores["cov_rms_equal"].protocol == "cov(rms), all choices of 20 of 20 generated vs 20 reference"
+
+
+def test_one_shape_has_no_neighbour_of_its_own_set():
+    for sets in ((bar(0), bar(0, 5)), (bar(0, 5), bar(0)), (bar(0), bar(0))):
+        scores = shape_scores(*sets, bins=None, points=16)
+        assert scores.keys() == NAMES - {"1nna_iou", "1nna_chamfer"} | {"empty"}
 
 
 def test_mmd_chamfer_by_hand():

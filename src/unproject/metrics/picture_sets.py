@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from .._types import UserError
 from .distances import check_set
 from .score import Score
 from .shape_scores import set_scores
@@ -44,6 +45,11 @@ def picture_scores(generated: Tensor, reference: Tensor, *, seed: int = 0) -> di
     """
     for pictures, name in ((generated, "generated"), (reference, "reference")):
         check_set(pictures, name)
+    if generated.shape[1:] != reference.shape[1:] or min(len(generated), len(reference)) < 2:
+        raise UserError(
+            f"picture scores: give at least two pictures of one size a set, not {tuple(generated.shape)} and "
+            f"{tuple(reference.shape)}"
+        )
     size = "x".join(map(str, reference.shape[1:]))
     setting = f"root mean square), pictures {size}, {{}} generated vs {{}} reference, views as given"
     return set_scores("rms_picture", root_mean_square, generated, reference, setting, seed)

@@ -35,8 +35,9 @@ def shape_scores(
 
     All scores depend on the sizes of the sets, which are part of the protocol: compare with a baseline, such as the
     training set, of the same size. MMD and COV are given twice: for the whole sets and, as in the literature, for sets
-    of equal size, as the mean over all choices of so many generated shapes. 1-NNA is computed for equal sizes only, on
-    a subset drawn from the larger set, as its ideal value is 0.5 only then.
+    of equal size: as the mean over all choices of so many generated shapes, or on references drawn from more of them.
+    1-NNA is computed for equal sizes only, on a subset drawn from the larger set, as its ideal value is 0.5 only then;
+    of one shape a set there is none.
 
     Args:
         generated: (G, N, N, N) in [0, 1].
@@ -91,26 +92,29 @@ def set_scores(
 ) -> dict[str, Score]:
     """Return `mmd_NAME`, `cov_NAME`, both also with `_equal`, and `1nna_NAME` of two sets under one distance.
 
+    Of one item a set there is no `1nna_NAME`: it has no neighbour of its own set.
+
     `setting` completes the protocol after "mmd(" and has two `{}` for the sizes of the sets.
     """
     across = distance(generated, reference)
     count, references = across.shape
     least = min(count, references)
     rows, columns = drawn(count, least, seed), drawn(references, least, seed)
-    accuracy = one_nearest_neighbour_accuracy(
-        distance(generated[rows], generated[rows]),
-        across[rows][:, columns],
-        distance(reference[columns], reference[columns]),
-    )
+    matched = across[:, columns]
     whole, equal = setting.format(count, references), setting.format(least, least)
-    choices = setting.format(f"all choices of {least} of {count}", references)
-    return {
+    choices = setting.format(f"all choices of {least} of {count}", least)
+    scores = {
         f"mmd_{name}": Score(minimum_matching_distance(across), f"mmd({whole}", count, seed),
         f"cov_{name}": Score(coverage(across), f"cov({whole}", count, seed),
-        f"mmd_{name}_equal": Score(minimum_matching_distance(across, least), f"mmd({choices}", count, seed),
-        f"cov_{name}_equal": Score(coverage(across, least), f"cov({choices}", count, seed),
-        f"1nna_{name}": Score(accuracy, f"1nna({equal}", least, seed),
+        f"mmd_{name}_equal": Score(minimum_matching_distance(matched, least), f"mmd({choices}", count, seed),
+        f"cov_{name}_equal": Score(coverage(matched, least), f"cov({choices}", count, seed),
     }
+    if least < 2:
+        return scores
+    accuracy = one_nearest_neighbour_accuracy(
+        distance(generated[rows], generated[rows]), matched[rows], distance(reference[columns], reference[columns])
+    )
+    return scores | {f"1nna_{name}": Score(accuracy, f"1nna({equal}", least, seed)}
 
 
 def drawn(count: int, n: int, seed: int) -> Tensor:
