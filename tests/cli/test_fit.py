@@ -130,6 +130,16 @@ def test_pictures_of_one_name_stay_two(shapes: Path, masks: Path, tmp_path: Path
     assert "would be called chair" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["fit.npz", "FIT.json", "sheet.png", "settings.json"])
+def test_an_object_with_the_name_of_a_file_of_all_fits_is_refused(
+    shapes: Path, masks: Path, tmp_path: Path, capsys, name: str
+) -> None:
+    shutil.copy(masks / "chair0.png", tmp_path / f"{name}.png")
+    assert fit(shapes, tmp_path / f"{name}.png", "--out", tmp_path / "fits", "--no-novelty") == 2
+    assert f"its folder would be {name}, which is a file of all fits; rename it" in capsys.readouterr().err
+    assert not (tmp_path / "fits").exists()
+
+
 def test_paths_may_be_relative_and_absolute(shapes: Path, masks: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(masks)
     assert fit(shapes, "chair0.png", masks / "chair1.png", "--out", tmp_path / "fits", "--no-novelty") == 0
@@ -174,8 +184,10 @@ def test_pictures_of_something_else_are_warned_of(shapes: Path, tmp_path: Path, 
         (["--to", "mtlx"], "--to mtlx: there is no such format"),
         (["--observation", "side"], "the run has no observation 'side'"),
         (["--rate", "0"], "rate=0: must be positive"),
+        (["--scale", "2"], "--scale 2: only readings of line integrals are divided by it; leave it out"),
+        (["--light", "ambient", "--observation", "top"], "--observation top: --light says how the photographs came"),
     ],
-    ids=["view", "light", "format", "observation", "rate"],
+    ids=["view", "light", "format", "observation", "rate", "scale", "both"],
 )
 def test_mistakes_are_told_in_one_line(shapes: Path, masks: Path, tmp_path: Path, capsys, words, says) -> None:
     assert main(["fit", str(shapes), str(masks), "--out", str(tmp_path / "fits"), *words]) == 2

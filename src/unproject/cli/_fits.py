@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 CELL, SHOWN = 96, 24
 """Pixels of a picture on the sheet, and objects on it at most."""
+WRITTEN = ("settings.json", "fit.npz", "fit.json", "sheet.png")
+"""Files beside the folders of objects, which may not have their names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,8 @@ class Job:
             whole = path.relative_to(common)
             picture = whole.suffix.lower() in SUFFIXES  # of arrays names may have dots
             name = "_".join((whole.with_suffix("") if picture else whole).parts)
+            if name.lower() in WRITTEN:  # of some systems capitals are the same file
+                raise UserError(f"{path}: its folder would be {name}, which is a file of all fits; rename it")
             if made_of.setdefault(name, path) != path:
                 raise UserError(f"{path}: would be called {name}, as {made_of[name]} is; rename one of them")
             grouped.setdefault(name, []).append(row)

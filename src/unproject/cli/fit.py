@@ -80,6 +80,8 @@ def run(
 
     if not pictures:
         raise UserError("fit: name pictures, a folder of them or an .npz")
+    if light is not None and observation is not None:
+        raise UserError(f"--observation {observation}: --light says how the photographs came about; give one of them")
     use_threads(threads)
     search = Search(candidates, min(starts, candidates), steps, rate, prior, view_searches, tune, consistent=consistent)
     opened = load(path, trust=trust)

@@ -130,6 +130,8 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     listed = are_pictures(paths, MATERIALS if of_materials else PICTURES)
     if len(paths) > 1 and not listed:
         raise UserError(f"{paths[0]}, {paths[1]}: give pictures, or one folder, or one .npz")
+    if scale is not None and not isinstance(inner, LineIntegral):
+        raise UserError(f"--scale {scale:g}: only readings of line integrals are divided by it; leave it out")
     if of_materials:
         return _observed_materials(paths, inner, sample)
     if isinstance(inner, LineIntegral):
