@@ -87,6 +87,13 @@ TURNS = (
         "ops/test_rotation.py",
     ),
     mutant(
+        "rotation: volumes of half precision are turned in it",
+        "ops/resampling.py",
+        "return x.to(torch.promote_types(x.dtype, torch.float32))",
+        "return x",
+        "ops/test_rotation.py::test_volumes_of_half_precision_are_turned_by_the_whole_angle",
+    ),
+    mutant(
         "azimuth: samples lie half a voxel off",
         "ops/azimuth.py",
         "of_column = ((u * c / half_width + 1) * width - 1) / 2,",
@@ -1182,6 +1189,13 @@ NETWORKS = (
         "networks/test_generators.py::test_a_sample_depends_on_neither_n_nor_batch",
     ),
     mutant(
+        "generator: less than no samples are some",
+        "networks/generators.py",
+        "if n < 0 or batch < 1:",
+        "if batch < 1:",
+        "networks/test_generators.py::test_numbers_of_samples_that_are_none_are_refused",
+    ),
+    mutant(
         "generator: all samples of a seed have one code",
         "networks/generators.py",
         'rng = generator_at(seed, i, "sample")',
@@ -1841,9 +1855,23 @@ METRICS = (
     mutant(
         "feature sets: the kernel distance counts items with themselves",
         "metrics/feature_sets.py",
-        "return (kernel.sum() - kernel.trace()) / (len(x) * (len(x) - 1))",
-        "return kernel.mean()",
+        "return (_sum_of_kernels(x, x) - with_themselves) / (len(x) * (len(x) - 1))",
+        "return _sum_of_kernels(x, x) / len(x) ** 2",
         "metrics/test_feature_sets.py",
+    ),
+    mutant(
+        "feature sets: kernels of all items are held at once",
+        "metrics/feature_sets.py",
+        "for rows in x.split(ROWS)]",
+        "for rows in (x,)]",
+        "metrics/test_feature_sets.py::test_kernels_of_large_sets_are_added_up_part_by_part",
+    ),
+    mutant(
+        "feature sets: features that are not finite are scored",
+        "metrics/feature_sets.py",
+        "if not bool(x.isfinite().all() and y.isfinite().all()):",
+        "if not bool(x.isfinite().all()):",
+        "metrics/test_feature_sets.py::test_features_that_are_not_finite_are_refused",
     ),
     mutant(
         "feature sets: precision uses the generated items' balls",
@@ -1872,6 +1900,27 @@ METRICS = (
         "(own < other).double() + 0.5 * (own == other).double()",
         "(own < other).double() + (own == other).double()",
         "metrics/test_shape_sets.py",
+    ),
+    mutant(
+        "shape scores: sets of equal size hold all references",
+        "metrics/shape_scores.py",
+        "matched = across[:, columns]",
+        "matched = across",
+        "metrics/test_shape_scores.py::test_sets_of_equal_size_are_so_where_references_are_more",
+    ),
+    mutant(
+        "shape scores: one shape is told from others by its neighbour",
+        "metrics/shape_scores.py",
+        "if least < 2:",
+        "if least < 1:",
+        "metrics/test_shape_scores.py::test_one_shape_has_no_neighbour_of_its_own_set",
+    ),
+    mutant(
+        "picture sets: pictures of other sizes are compared",
+        "metrics/picture_sets.py",
+        "if generated.shape[1:] != reference.shape[1:] or min(",
+        "if min(",
+        "metrics/test_picture_sets.py::test_single_pictures_and_those_of_other_sizes_are_refused",
     ),
     mutant(
         "gauge: a reflection does not reverse the turn before it",
@@ -3608,6 +3657,13 @@ TURNED_SCORES = (
         "ops/test_turning.py::test_quarter_turns_are_exact",
     ),
     mutant(
+        "turning: images of half precision fail",
+        "ops/turning.py",
+        "    x = in_single(x)\n",
+        "",
+        "ops/test_turning.py::test_images_of_half_precision_are_turned_in_single",
+    ),
+    mutant(
         "turned scores: turns go the other way",
         "metrics/open_turns.py",
         "torch.tensor([-gauge.azimuth",
@@ -3812,6 +3868,13 @@ ANY_CLASS = (
         "torch.maximum(box.height / height, box.width / (width or height))",
         "torch.maximum(box.height / height, box.height / (width or height))",
         "ops/test_framing.py",
+    ),
+    mutant(
+        "framing: silhouettes of half precision fail",
+        "ops/framing.py",
+        "silhouettes[:, 0].to(down)",
+        "silhouettes[:, 0]",
+        "ops/test_framing.py::test_silhouettes_of_half_precision_are_framed_in_single",
     ),
     mutant(
         "framing: pictures are taken for cropped wherever the object is",
@@ -4531,6 +4594,13 @@ INVERSION = (
         "inversion/test_novelty.py::test_either_number_is_enough",
     ),
     mutant(
+        "novelty: pictures of four pixels a side have a network",
+        "inversion/novelty.py",
+        "pictures.dim() == 4 and min(pictures.shape[2:]) >= SMALLEST",
+        "pictures.dim() == 4",
+        "inversion/test_novelty.py::test_pictures_too_small_for_the_network_are_compared_by_their_proportions",
+    ),
+    mutant(
         "textures: sets that lie side by side are one",
         "data/readers/texture_names.py",
         "if len(whole) < 2:",
@@ -4613,6 +4683,27 @@ INVERSION = (
         'if file.is_file() and read_json(file, "give another --out, or remove that folder") != settings:',
         "if False:",
         "cli/test_fit.py::test_a_run_that_was_stopped_goes_on",
+    ),
+    mutant(
+        "fit: an object takes the name of a file of all fits",
+        "cli/_fits.py",
+        "if name.lower() in WRITTEN:",
+        "if name in WRITTEN:",
+        "cli/test_fit.py::test_an_object_with_the_name_of_a_file_of_all_fits_is_refused",
+    ),
+    mutant(
+        "fit: a scale of silhouettes is passed over",
+        "training/given_pictures.py",
+        "if scale is not None and not isinstance(inner, LineIntegral):",
+        "if False:",
+        "cli/test_fit.py::test_mistakes_are_told_in_one_line",
+    ),
+    mutant(
+        "fit: an observation is passed over beside a light",
+        "cli/fit.py",
+        "if light is not None and observation is not None:",
+        "if False:",
+        "cli/test_fit.py::test_mistakes_are_told_in_one_line",
     ),
 )
 

@@ -57,6 +57,13 @@ def test_lines_are_compared_by_their_proportions() -> None:
     assert novelty.p_values(lines[:1])[0] > 0.02 and novelty.p_values(5 * lines[:1])[0] < 1e-6
 
 
+@pytest.mark.parametrize("shape", [(1, 4, 4), (2, 7, 16), (1, 1, 32)])
+def test_pictures_too_small_for_the_network_are_compared_by_their_proportions(shape: tuple[int, ...]) -> None:
+    few = torch.rand(200, *shape, generator=torch.Generator().manual_seed(0))
+    novelty = Novelty.fitted(few[:150], few[150:], steps=1, masks=False)
+    assert novelty.network is None and novelty.p_values(5 * few[:1])[0] < 1e-6
+
+
 def test_warped_masks_stay_masks_of_their_size() -> None:
     masks = (pictures(4, 0) > 0.5).float()
     bent = warped(masks, torch.Generator().manual_seed(0), masks=True)

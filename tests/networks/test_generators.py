@@ -76,6 +76,12 @@ def test_no_samples_are_an_empty_batch() -> None:
     assert build(SMALL["low-rank"]).sample(0).shape == (0, 16, 16, 16)
 
 
+@pytest.mark.parametrize(("n", "batch"), [(-5, 64), (2, 0)])
+def test_numbers_of_samples_that_are_none_are_refused(n: int, batch: int) -> None:
+    with pytest.raises(UserError, match=f"{n} samples, {batch} at once: give 0 or more, and 1 or more at once"):
+        build(SMALL["low-rank"]).sample(n, batch=batch)
+
+
 @pytest.mark.parametrize("training", [True, False])
 def test_sampling_leaves_the_mode_and_the_statistics(training: bool) -> None:
     generator = build(SMALL["transposed"]).train(training)

@@ -34,6 +34,8 @@ from .._random import derived_seed, generator_at, seeded
 COMPONENTS, STEPS, BATCH, AT_ONCE = 32, 300, 64, 512
 MAX_PIXELS, MAX_EXACT_SIDE = 2**26, 1024
 """Pixels of all pictures whose components are found; the side of a matrix of them up to which these are exact."""
+SMALLEST = 8
+"""Pixels a side of the pictures that the network takes, at least."""
 BENT, KNOTS = 0.35, 4
 """Deviation of a warp in half widths of the picture, and knots a side between which it is smooth."""
 DOUBTFUL = 0.03
@@ -50,7 +52,8 @@ class Novelty:
 
     Attributes:
         mean, axes: μ (D,) and e_i / √λ_i (r, D).
-        network: logits of pictures, the larger the more like training pictures; None for lines.
+        network: logits of pictures, the larger the more like training pictures; None for lines, and for pictures of
+            less than 8 pixels a side, which three halvings leave nothing of.
         held_out: (M, 1) or (M, 2), both numbers of held-out pictures.
 
     Examples:
@@ -83,7 +86,7 @@ class Novelty:
 
         Args:
             prepare: what the projection does to its pictures (`Projection.prepare`), done to warped ones.
-            steps: of the network, which pictures (C, H, W) have.
+            steps: of the network, which pictures (C, H, W) of 8 pixels a side or more have.
             masks: whether pictures are masks, which stay so when they are warped.
         """
         rng = generator_at(seed, 0, "novelty")
@@ -93,7 +96,8 @@ class Novelty:
         length, axes = _principal(some - mean, derived_seed(seed, 0, "novelty"))
         count = min(COMPONENTS, int((length > 1e-3 * length[0]).sum()))
         axes = axes[:count] / (length[:count, None] / len(some) ** 0.5)
-        network = None if pictures.dim() < 4 else _trained(pictures, prepare, steps, seed, masks)
+        halves = pictures.dim() == 4 and min(pictures.shape[2:]) >= SMALLEST
+        network = _trained(pictures, prepare, steps, seed, masks) if halves else None
         found = cls(mean, axes, network, torch.empty(0))
         return cls(mean, axes, network, found.strangeness(held_out))
 

@@ -32,8 +32,7 @@ class Generator(nn.Module, ABC):
     """A module that maps codes (B, code_size) to samples x, and that draws its own codes.
 
     Class attributes:
-        domain: "volumes", "images" or "maps"; a generator of something else leaves it out and its recipe has a domain
-            (`Recipe(domain=...)`).
+        domain: "volumes", "images" or "maps"; of something else the recipe has one (`Recipe(domain=...)`).
         replayable: whether forward does the same operations whatever is in codes, parameters and buffers, on which
             alone it depends, and waits for none of them: then a GPU may replay them (`training.graphs`).
 
@@ -114,13 +113,14 @@ class Generator(nn.Module, ABC):
         Args:
             n: how many.
             seed: which.
-            batch: how many are generated at once; of another size fewer, so that they take no more memory than 64 do at
-                64³.
+            batch: how many at once; of another size fewer, so that they take no more memory than 64 do at 64³.
             size: a side of samples, in voxels or texels (default: the generator's own; see `at_size`).
 
         Raises:
-            UserError: for a size that the generator cannot make.
+            UserError: for a negative n, a batch of none, or a size that the generator cannot make.
         """
+        if n < 0 or batch < 1:
+            raise UserError(f"{n} samples, {batch} at once: give 0 or more, and 1 or more at once")
         make = self if size is None else partial(self.at_size, size=size)
         times = 1.0 if size is None else size / getattr(self, "size", size)
         batch = batch if size is None else max(min(batch, FINE_VOXELS // max(size, 1) ** 3), 1)
