@@ -7,11 +7,13 @@ For pictures y_1 … y_M of one object, of views θ_m that may be unknown,
 is minimised over whitened latents v (`LatentSpace`) and θ. D is the number of pixels, σ² the mean variance of a pixel
 among projections of samples, so that λ means the same for silhouettes, photographs and lines.
 
-1. Candidates: samples, each projected in every bin of views; the nearest few, with their views, are the starts.
+1. Candidates: samples, each projected in every bin of views, or in the views that are known; the nearest few, with
+   their views, are the starts.
 2. Descent: Adam on v, for all starts together. θ is not followed by its gradient, since pictures of turned objects have
    many local minima: now and then views are drawn anew in every bin and near the present one, and the best are kept.
-3. Weights: an explanation with energy E counts (E_best / E)^(n M / 2), the likelihood with σ unknown, if n pixels of a
-   picture, as many as it is wide, are independent. The posterior of the bins of views comes from the same rule.
+3. Weights: an explanation with energy E counts ((E_best / M + ε) / (E / M + ε))^(n M / 2), the likelihood with σ not
+   known, if n pixels of a picture, as many as it is wide, are independent; ε = 0.02, as errors of interpolation decide
+   nothing. The posterior of the bins of views comes from the same rule.
 4. Linear readings whose views are known are kept: samples are completed to agree with them (`consistency`).
 
 References:
@@ -144,7 +146,7 @@ class Fitter:
         return State(candidates.latents, bins, theta)[best]
 
     def _descended(self, state: State, of: Pictures, rng: torch.Generator, watch: Watch) -> State:
-        """Return the state after the descent, the best start first; a generator of its own makes it if tuned."""
+        """Return the state after the descent, the starts in the order in which they were."""
         search, candidates = self.search, self.candidates
         v = state.v.clone().requires_grad_(True)
         adam = torch.optim.Adam([v], lr=search.rate, betas=(0.9, 0.99))
