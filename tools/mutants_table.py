@@ -485,9 +485,16 @@ LIGHT_AND_MAPS = (
     mutant(
         "isosurface: smoothing shrinks and does not grow back",
         "ops/isosurface.py",
-        "filter_taubin(mesh, shrink, grow, iterations=2 * rounds)",
+        "filter_taubin(mesh, shrink, grow, iterations=2 * rounds, laplacian_operator=mean)",
         "filter_laplacian(mesh, shrink, iterations=2 * rounds, volume_constraint=False)",
         "ops/test_isosurface.py",
+    ),
+    mutant(
+        "isosurface: smoothing halves what is a voxel thick",
+        "ops/isosurface.py",
+        "    return smoothed + normals * inwards[:, None]",
+        "    return smoothed",
+        "ops/test_isosurface.py::test_smoothing_keeps_what_is_thin_as_thick_as_it_was",
     ),
     mutant(
         "isosurface: parts that touch in a corner are apart",

@@ -89,6 +89,18 @@ def test_smoothing_lays_voxel_steps_flat():
     assert roughness(6) < 0.6 * roughness(0)
 
 
+@pytest.mark.parametrize(
+    ("high", "thickness"),
+    [((13, 20, 13), 1), ((14, 20, 14), 2), ((13, 20, 20), 1)],
+    ids=["leg", "thicker-leg", "plate"],
+)
+def test_smoothing_keeps_what_is_thin_as_thick_as_it_was(high, thickness):
+    v = block(24, (12, 4, 12), high)
+    sharp, smooth = closed(v), closed(v, smooth=6)
+    assert smooth.volume == pytest.approx(sharp.volume, rel=0.03)
+    assert smooth.extents[0] == pytest.approx(thickness * 2 / 24, rel=0.25)
+
+
 def test_tensors_and_types():
     vertices, faces = isosurface(torch.from_numpy(soft_ball(16, 0.5)))
     assert vertices.dtype == np.float32 and faces.dtype == np.int64
