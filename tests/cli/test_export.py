@@ -89,6 +89,29 @@ def test_a_plane_with_a_material_is_written_by_the_name_of_its_file(tmp_path):
     assert (tmp_path / "wood.glb").read_bytes().startswith(b"glTF")
 
 
+@pytest.mark.parametrize(("to", "file"), [("maps", "material.json"), ("mtlx", "material.mtlx")])
+def test_chosen_materials_keep_their_numbers_and_leave_the_others(tmp_path, recwarn, to, file):
+    np.savez(tmp_path / "x.npz", **Maps().arrays(wood(4, 16)))
+    words = ["export", str(tmp_path / "x.npz"), "--to", to, "--out"]
+    assert main([*words, str(tmp_path / "all")]) == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "all").rglob("*.*")}
+    assert main([*words, str(tmp_path / "all"), "--only", "3", "1"]) == 0
+    assert {path: path.read_bytes() for path in (tmp_path / "all").rglob("*.*")} == before
+    assert not recwarn.list
+    assert main([*words, str(tmp_path / "two"), "--only", "3", "1"]) == 0
+    assert sorted(os.listdir(tmp_path / "two")) == ["material-01", "material-03"]
+    assert main([*words, str(tmp_path / "one"), "--only", "3"]) == 0
+    assert (tmp_path / "one" / file).is_file()
+
+
+def test_chosen_planes_are_called_by_their_numbers(tmp_path):
+    np.savez(tmp_path / "x.npz", **Maps().arrays(wood(4, 16)))
+    assert main(["export", str(tmp_path / "x.npz"), "--only", "3", "1", "--out", str(tmp_path / "a.glb")]) == 0
+    content = (tmp_path / "a.glb").read_bytes()
+    tree = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    assert [node["name"] for node in tree["nodes"]] == ["material-03", "material-01"]
+
+
 def test_some_samples_are_chosen_by_their_numbers(tmp_path, capsys):
     v = np.zeros((4, 8, 8, 8), np.float32)
     for number in range(4):

@@ -172,6 +172,16 @@ def test_a_chair_is_drawn_as_the_mesh_that_is_exported() -> None:
     assert np.abs(points.min(0) - ends[0]).max() < 0.08 and np.abs(points.max(0) - ends[1]).max() < 0.08
 
 
+def test_samples_are_counted_as_export_counts_them() -> None:
+    from unproject.report.shapes import shape_data
+
+    shapes = torch.stack(
+        [torch.as_tensor(chairs(1, 32)[0]), torch.zeros(32, 32, 32), torch.as_tensor(chairs(1, 32)[0])]
+    )
+    assert [item["name"] for item in shape_data(shapes, 8)["items"]] == ["sample 0", "sample 2"]
+    assert [item["name"] for item in material_data(metal(2, 16), Maps())["items"]] == ["sample 0", "sample 1"]
+
+
 def test_a_material_can_be_lit(runs: Callable[[str], Run], tmp_path: Path) -> None:
     data = viewer_data(write_report(runs("maps"), tmp_path / "report.html").read_text())
     assert (data["kind"], data["width"], data["height"]) == ("materials", SIDE, SIDE)

@@ -48,7 +48,8 @@ def run(
             folder glb of shapes, maps of materials, png of images, else npz).
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
-        only: Those of them with these numbers, as a png shows them, from 0; meshes and voxels keep the numbers.
+        only: Those of them with these numbers, from 0, as a png shows them; meshes, voxels and folders of several
+            materials keep the numbers.
         faces: The most triangles a mesh may have (glb, obj, ply); a warning says so where it has to have more.
         hull: Fill what no level view can see.
         largest_part: Join parts of each shape that nearly touch, and keep the largest alone.

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import torch
@@ -116,6 +116,10 @@ class Maps(Domain):
         return Collection.materials(
             path, size, convention=Convention(specular="colour", fresnel=fresnel)
         ).warn_skipped()
+
+    def options_of(self, exporter: Exporter, largest_part: bool, numbers: Sequence[int] | None) -> dict[str, Any]:
+        written = getattr(exporter, "func", None) in export.MATERIAL_FORMATS.values()
+        return {"names": export.names_of(numbers, "material-")} if written and numbers is not None else {}
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

@@ -83,7 +83,7 @@ MATERIAL_FORMATS: dict[str, Callable[..., Written]] = {
     "mtlx": material_x,
     "gltf": material_gltf,
 }
-"""Format → the function (maps, path, **options) that writes it; options are depth, fresnel and eta."""
+"""Format → the function (maps, path, **options) that writes it; options are names, depth, fresnel and eta."""
 
 
 def write(volumes: ArrayLike, to: str, path: str | PathLike[str], **options: Any) -> Written:

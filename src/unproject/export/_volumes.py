@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,13 +49,13 @@ def as_array(values: ArrayLike) -> np.ndarray:
     return np.asarray(detached, dtype=np.float32)
 
 
-def names_of(numbers: Sequence[int]) -> tuple[str, ...]:
+def names_of(numbers: Sequence[int], stem: str = "shape_") -> tuple[str, ...]:
     """shape_00, shape_01, ...: names that sort in order."""
     digits = max(2, len(str(max(numbers, default=0))))
-    return tuple(f"shape_{number:0{digits}d}" for number in numbers)
+    return tuple(f"{stem}{number:0{digits}d}" for number in numbers)
 
 
-def names_for(batch: np.ndarray, names: Sequence[str] | None) -> tuple[str, ...]:
+def names_for(batch: Sized, names: Sequence[str] | None) -> tuple[str, ...]:
     """The names given, checked, or numbers.
 
     Raises:
@@ -65,7 +65,7 @@ def names_for(batch: np.ndarray, names: Sequence[str] | None) -> tuple[str, ...]
         return names_of(range(len(batch)))
     if not len(names) == len(set(names)) == len(batch):
         given = f"{len(names)} were given, {len(set(names))} of them different"
-        raise UserError(f"{len(batch)} shapes need {len(batch)} different names, {given}")
+        raise UserError(f"{len(batch)} samples need {len(batch)} different names, {given}")
     if bad := [name for name in names if name in ("", ".", "..") or re.search(r"[/\\:\0]", name)]:
         raise UserError(f"the name {bad[0]!r} is not that of a file: leave out / and \\ and :")
     return tuple(names)

@@ -16,6 +16,7 @@ import io
 import json
 import struct
 import warnings
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -40,11 +41,14 @@ def material_gltf(
     maps: ArrayLike,
     path: str | PathLike[str],
     *,
+    names: Sequence[str] | None = None,
     depth: Literal["8"] = "8",
     fresnel: Fresnel = "albedo",
     eta: float = 1.5,
 ) -> Written:
     """One .glb of planes, several in rows from the top left; a path without .glb gets materials.glb in that folder.
+
+    `names` are those of the planes.
 
     Raises:
         UserError: maps that are no material, or another depth. OSError: the disk; no file is left half-written.
@@ -54,7 +58,7 @@ def material_gltf(
     """
     if depth != "8":
         raise UserError(f"depth {depth!r}: a .glb holds 8-bit pictures; leave depth out, or export maps or mtlx")
-    materials = as_materials(maps, fresnel, eta)
+    materials = as_materials(maps, fresnel, eta, names)
     if rough := [name for name, material in materials.items() if material.roughness.max() > 1]:
         warnings.warn(f"{', '.join(rough)}: roughness above 1 is 1 in glTF; --to maps and mtlx keep it", stacklevel=2)
     clamped = {name: one._replace(roughness=one.roughness.clip(max=1)) for name, one in materials.items()}

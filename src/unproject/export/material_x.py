@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -61,12 +62,13 @@ def material_x(
     maps: ArrayLike,
     path: str | PathLike[str],
     *,
+    names: Sequence[str] | None = None,
     depth: MapDepth = "8",
     fresnel: Fresnel = "albedo",
     eta: float = 1.5,
 ) -> Written:
     """`material_maps`, and material.mtlx in each folder, whose material has the name of the folder."""
-    materials, storage = as_materials(maps, fresnel, eta), storage_of(depth)
+    materials, storage = as_materials(maps, fresnel, eta, names), storage_of(depth)
 
     def write(folder: Path, material: Material) -> None:
         sheets = write_maps(folder, material, storage, fresnel, eta)
@@ -74,7 +76,7 @@ def material_x(
         name = valid_name(folder.name if len(materials) > 1 else Path(path).absolute().name)
         save(folder / "material.mtlx", document(sheets, lobe, material.specular.shape[-1] == 3, name))
 
-    return write_folders(materials, path, write)
+    return write_folders(materials, path, write, names is None)
 
 
 def lobe_for(largest: float, fresnel: Fresnel, eta: float) -> Lobe:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from unproject._files import files_below, filled_folder
 from unproject._pictures import Depth, write_picture
 from unproject._types import UserError
-from unproject.export._volumes import Written, save, warn_left
+from unproject.export._volumes import Written, names_for, names_of, save, warn_left
 from unproject.ops.maps import check_maps, unpack_maps
 
 Fresnel = Literal["eta", "albedo"]
@@ -86,6 +86,7 @@ def material_maps(
     maps: ArrayLike,
     path: str | PathLike[str],
     *,
+    names: Sequence[str] | None = None,
     depth: MapDepth = "8",
     fresnel: Fresnel = "albedo",
     eta: float = 1.5,
@@ -94,6 +95,7 @@ def material_maps(
 
     Args:
         maps: (8, H, W), or (N, 8, H, W) with a folder for each; 10 channels of coloured k_s; a tensor or an array.
+        names: of the folders of a batch.
         depth: "8" or "16" bits of PNG, "half" or "float" EXR. Eight bits tell F0 apart in steps of 0.004, of which a
             dielectric's 0.04 has ten: prefer another depth for those.
         fresnel, eta: what k_s means.
@@ -102,8 +104,8 @@ def material_maps(
         UserError: maps that are no material, or a path that is no folder. OSError: the disk. A new folder appears
             whole or not at all; into one that exists whole files are moved once all are written, the note last.
     """
-    materials, storage = as_materials(maps, fresnel, eta), storage_of(depth)
-    return write_folders(materials, path, lambda folder, m: write_maps(folder, m, storage, fresnel, eta))
+    materials, storage = as_materials(maps, fresnel, eta, names), storage_of(depth)
+    return write_folders(materials, path, lambda folder, m: write_maps(folder, m, storage, fresnel, eta), names is None)
 
 
 def storage_of(depth: MapDepth) -> Storage:
@@ -113,11 +115,14 @@ def storage_of(depth: MapDepth) -> Storage:
     return _STORAGE[depth]
 
 
-def as_materials(maps: ArrayLike, fresnel: Fresnel, eta: float) -> dict[str, Material]:
-    """The materials by name: material-00, ...; a single one is `material`.
+def as_materials(
+    maps: ArrayLike, fresnel: Fresnel, eta: float, names: Sequence[str] | None = None
+) -> dict[str, Material]:
+    """The materials by name, if none are given material-00, ...; a single one is `material` then.
 
     Raises:
-        UserError: maps that are no material (the message names the first), or a reading of k_s that is none.
+        UserError: maps that are no material (the message names the first), a reading of k_s that is none, or names
+            that are not as many, or not of files.
     """
     bright = unit_reflectance(fresnel, eta)
     # A copy of arrays: torch warns of those that cannot be written to.
@@ -126,8 +131,9 @@ def as_materials(maps: ArrayLike, fresnel: Fresnel, eta: float) -> dict[str, Mat
     if not x.numel():
         raise UserError(f"maps: there is no material in an array of shape {tuple(x.shape)}; give (N, 8, H, W)")
     unpack_maps(x)
-    digits = max(2, len(str(len(x) - 1)))
-    names = [f"material-{i:0{digits}d}" for i in range(len(x))] if len(x) > 1 else ["material"]
+    if names is None:
+        names = names_of(range(len(x)), "material-") if len(x) > 1 else ["material"]
+    names = names_for(x, names)
     return {name: _material(check_maps(x[i : i + 1], name), bright) for i, name in enumerate(names)}
 
 
@@ -192,12 +198,15 @@ def _note(material: Material, sheets: dict[str, Sheet], fresnel: Fresnel, eta: f
 
 
 def write_folders(
-    materials: dict[str, Material], path: str | PathLike[str], write: Callable[[Path, Material], Any]
+    materials: dict[str, Material],
+    path: str | PathLike[str],
+    write: Callable[[Path, Material], Any],
+    numbered: bool = True,
 ) -> Written:
     """Let `write` fill a folder for each material, the folder itself for one; they appear when all are filled.
 
     Maps of an earlier export are removed from the folders that are written: in another format they would lie beside the
-    new ones.
+    new ones. Other materials in the folder are named in a warning, if these are `numbered`: all there are, from 0.
     """
     path = Path(path)
     if path.suffix in (".png", ".exr", ".json", ".mtlx") or (path.exists() and not path.is_dir()):
@@ -217,7 +226,7 @@ def write_folders(
     for stale in {folder / name for folder in before for name in _OWN} - {*written}:
         if stale.is_file():
             stale.unlink()
-    if several:
+    if several and numbered:  # chosen ones may be put beside others
         warn_left(path, [*materials], r"material-\d+")
     return Written(written)
 

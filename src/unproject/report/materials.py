@@ -42,7 +42,7 @@ def material_data(maps: Tensor, domain: Maps, count: int = COUNT) -> dict[str, A
     colour = np.sqrt(np.clip(np.concatenate([named["diffuse"], specular.max(-1, keepdims=True)], -1), 0, 1))
     relief = np.concatenate([127 * normal + 128, 255 * np.sqrt(np.clip(named["roughness"], 0, 1))], -1)
     items = [
-        {"name": f"sample {k + 1}", "colour": encoded(255 * c, np.uint8), "relief": encoded(r, np.uint8)}
+        {"name": f"sample {k}", "colour": encoded(255 * c, np.uint8), "relief": encoded(r, np.uint8)}
         for k, (c, r) in enumerate(zip(colour, relief, strict=True))
     ]
     if specular.shape[-1] == 3:

@@ -31,7 +31,7 @@ def shape_data(volumes: Tensor, count: int = COUNT, faces: int = FACES) -> dict[
     for k, volume in enumerate(volumes[:count].float()):
         found = _mesh(_coarsened(volume).numpy(), faces)
         if found is not None:
-            shapes.append({"name": f"sample {k + 1}", **found})
+            shapes.append({"name": f"sample {k}", **found})
     return {"kind": "shapes", "items": shapes}
 
 
