@@ -490,6 +490,13 @@ LIGHT_AND_MAPS = (
         "ops/test_isosurface.py",
     ),
     mutant(
+        "isosurface: smoothed surfaces leave the box",
+        "ops/isosurface.py",
+        "smooth).clip(-1, 1)",
+        "smooth)",
+        "ops/test_isosurface.py::test_a_smoothed_surface_stays_inside_the_box",
+    ),
+    mutant(
         "isosurface: smoothing halves what is a voxel thick",
         "ops/isosurface.py",
         "    return smoothed + normals * inwards[:, None]",

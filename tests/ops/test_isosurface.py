@@ -69,6 +69,10 @@ def test_a_full_volume_is_closed_at_the_sides_of_its_box():
     np.testing.assert_allclose(closed(np.ones((8, 8, 8))).bounds, [[-1] * 3, [1] * 3], atol=2e-3)
 
 
+def test_a_smoothed_surface_stays_inside_the_box():
+    assert np.abs(closed(block(16, (0, 2, 5), (16, 8, 16)), smooth=6).vertices).max() == 1
+
+
 def test_axes_of_different_lengths_each_span_the_box():
     vertices, _ = isosurface(np.ones((4, 8, 16)))
     np.testing.assert_allclose([vertices.min(0), vertices.max(0)], [[-1] * 3, [1] * 3], atol=2e-3)
