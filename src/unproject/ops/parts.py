@@ -41,8 +41,6 @@ def largest_part(x: Tensor, level: float = 0.5) -> Tensor:
         >>> up.ops.largest_part(x).sum()
         tensor(64.)
     """
-    if x.dim() < 3:
-        raise UserError(f"an array of shape {tuple(x.shape)} holds no volumes: give (N, X, Y, Z)")
     keep = torch.ones(x.shape, dtype=torch.bool, device=x.device)
     for kept, occupied in zip(_each(keep), _each((x > level).cpu()), strict=True):
         numbers, voxels = number_parts(occupied.numpy())
@@ -76,8 +74,6 @@ def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.1) -> Tensor:
         >>> up.ops.joined_parts(x).flatten()
         tensor([1.0000, 1.0000, 0.6500, 1.0000, 0.0000, 1.0000])
     """
-    if x.dim() < 3:
-        raise UserError(f"an array of shape {tuple(x.shape)} holds no volumes: give (N, X, Y, Z)")
     raised = torch.zeros(x.shape, dtype=torch.bool)
     above = [_each((x > height).cpu()).numpy() for height in (level, low)]
     for found, occupied, soft in zip(_each(raised).numpy(), *above, strict=True):
@@ -121,8 +117,6 @@ def face_connected(x: Tensor, level: float = 0.5) -> Tensor:
         tensor([[1.0000, 1.0000, 0.2000],
                 [0.1000, 0.7500, 1.0000]])
     """
-    if x.dim() < 3:
-        raise UserError(f"an array of shape {tuple(x.shape)} holds no volumes: give (N, X, Y, Z)")
     raised, values = torch.zeros(x.shape, dtype=torch.bool), _each(x.detach().cpu().float()).numpy()
     for found, occupied, p in zip(_each(raised).numpy(), _each((x > level).cpu()).numpy(), values, strict=True):
         while (paths := _paths(occupied, p)).any():  # which may touch another part
@@ -150,7 +144,13 @@ def _paths(occupied: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def _each(x: Tensor) -> Tensor:
-    """Return (..., X, Y, Z) as (N, X, Y, Z), a view if x is contiguous."""
+    """Return (..., X, Y, Z) as (N, X, Y, Z), a view if x is contiguous.
+
+    Raises:
+        UserError: for less than three axes.
+    """
+    if x.dim() < 3:
+        raise UserError(f"an array of shape {tuple(x.shape)} holds no volumes: give (N, X, Y, Z)")
     return x.reshape(-1, *x.shape[-3:])
 
 
