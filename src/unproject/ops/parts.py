@@ -129,6 +129,7 @@ def _paths(occupied: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Find the voxels of paths that join the pieces of each part by faces."""
     parts, _ = number_parts(occupied)
     pieces, _ = ndimage.label(occupied)  # pyright: ignore[reportGeneralTypeIssues]
+    firsts = np.unravel_index(np.unique(pieces, return_index=True)[1], pieces.shape)  # from 0, as full ones have no gaps
     found = np.zeros_like(occupied)
     for part in range(1, parts.max() + 1):
         inside = parts == part
@@ -139,7 +140,8 @@ def _paths(occupied: np.ndarray, p: np.ndarray) -> np.ndarray:
             search = MCP(np.where(inside, 0, np.where(grown(inside) & ~occupied, 2 - p, -1)), fully_connected=False)
             search.find_costs(np.argwhere(pieces == voxels.argmax()))
             for piece in np.flatnonzero(voxels):
-                found[tuple(np.transpose(search.traceback(np.argwhere(pieces == piece)[0])))] = True
+                path = search.traceback([first[piece] for first in firsts])
+                found[tuple(np.transpose(path))] = True
     return found & ~occupied
 
 
