@@ -129,7 +129,7 @@ def _paths(occupied: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Find the voxels of paths that join the pieces of each part by faces."""
     parts, _ = number_parts(occupied)
     pieces, _ = ndimage.label(occupied)  # pyright: ignore[reportGeneralTypeIssues]
-    firsts = np.unravel_index(np.unique(pieces, return_index=True)[1], pieces.shape)  # from 0, as full ones have no gaps
+    firsts = np.unravel_index(np.unique(pieces, return_index=True)[1], pieces.shape)  # 0 is among them
     found = np.zeros_like(occupied)
     for part in range(1, parts.max() + 1):
         inside = parts == part
