@@ -62,6 +62,7 @@ _HOME = {
     "Axisymmetric": "unproject.adversarial.axisymmetric",
     "Centred": "unproject.adversarial.regularisers",
     "Connected": "unproject.adversarial.regularisers",
+    "Inflated": "unproject.adversarial.inflated",
     "Rectilinear": "unproject.adversarial.regularisers",
     "Regularisers": "unproject.adversarial.regularisers",
     "Sometimes": "unproject.adversarial.augmentation",
@@ -141,6 +142,7 @@ if TYPE_CHECKING:
     from .adversarial.augmentation import Shift as Shift
     from .adversarial.augmentation import Sometimes as Sometimes
     from .adversarial.axisymmetric import Axisymmetric as Axisymmetric
+    from .adversarial.inflated import Inflated as Inflated
     from .adversarial.losses import Hinge as Hinge
     from .adversarial.losses import Logistic as Logistic
     from .adversarial.losses import Loss as Loss

@@ -3,6 +3,7 @@
 from .adaptive import Adaptive
 from .augmentation import Affine, Augmentation, AugmentationState, Shift, Sometimes
 from .axisymmetric import Axisymmetric
+from .inflated import Inflated
 from .losses import Hinge, Logistic, Loss, Relativistic, Wasserstein
 from .matching import Matching, MatchingState
 from .penalties import R1R2, GradientPenalty, Penalty
@@ -19,6 +20,7 @@ __all__ = [
     "Connected",
     "GradientPenalty",
     "Hinge",
+    "Inflated",
     "Logistic",
     "Loss",
     "Matching",

@@ -1,4 +1,4 @@
-"""Tensor operations: rotation, resampling, line integrals, occupancy along rays, hulls, parts, limit, outlines."""
+"""Tensor operations: rotation, resampling, line integrals, occupancy along rays, hulls, parts, outlines, widths."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from .resampling import orthographic_rays, perspective_rays, pinhole_rays, ray_p
 from .rotation import camera_frame, quarter_turn, reflect_x, rotate, rotate_image, rotate_y
 from .thin_parts import level_of_thin_parts, with_thin_parts
 from .turning import turn_image
+from .widths import local_widths
 
 __all__ = [
     "absorption",
@@ -33,6 +34,7 @@ __all__ = [
     "level_of_thin_parts",
     "level_share",
     "limited",
+    "local_widths",
     "mirror_iou",
     "orthographic_rays",
     "perspective_rays",

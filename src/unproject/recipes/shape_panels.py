@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from .._random import derived_seed
 from .._types import UserError
 from ..adversarial.axisymmetric import Axisymmetric
+from ..adversarial.inflated import Inflated
 from ..adversarial.regularisers import Centred, Connected, Rectilinear, Regulariser, Regularisers, Solid, Varied
 from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, holds_materials, mapped, observe, plane_of_symmetry, read, with_flips
@@ -45,7 +46,7 @@ HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
 class Weights(NamedTuple):
-    """Of the preferences for full volumes, rectangular plans, variety, one piece and bodies of revolution.
+    """Of the preferences for full volumes, rectangular plans, variety, one piece, thickness and bodies of revolution.
 
     `axisymmetric` None: that of `Axisymmetric` if most pictures show a round foot, else 0.
     """
@@ -54,19 +55,26 @@ class Weights(NamedTuple):
     rectilinear: float
     varied: float
     connected: float
+    inflated: float
     axisymmetric: float | None
 
 
 def preferences(
-    views: Views, weights: Weights, observations: Sequence[Observation], bands: int | None, feet: float
+    views: Views,
+    weights: Weights,
+    observations: Sequence[Observation],
+    bands: int | None,
+    feet: float,
+    mirror: bool | Literal["z"],
 ) -> Regulariser | None:
     """Return the preferences whose weight is not zero; `feet` is the share of pictures that show a round foot.
 
     Only in silhouettes hollow volumes look full, and only of unknown views any plans may be right: rectangles that
-    differ from one another, or what is round. Shapes that are seen in cropped pictures are kept in the middle: sideways
-    by level cameras, by others from top to bottom too.
+    differ from one another and, across their plane of symmetry, are as thick as they look wide, or what is round.
+    Shapes that are seen in cropped pictures are kept in the middle: sideways by level cameras, by others from top to
+    bottom too.
     """
-    solid, rectilinear, varied, connected, axisymmetric = weights
+    solid, rectilinear, varied, connected, inflated, axisymmetric = weights
     if axisymmetric is None:
         axisymmetric = Axisymmetric().weight if feet > ROUND else 0.0
     # All are made, so that a weight that makes no sense is refused whether or not it is used.
@@ -74,9 +82,10 @@ def preferences(
     rotated = [Axisymmetric(axisymmetric)] if axisymmetric else []
     boxes = [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear else []
     different = [Varied(varied)] if varied else []
+    thick = [Inflated(inflated)] if inflated else []
     terms: list[Regulariser] = [*full] if views != "direct" else []
     if views not in ("known", "direct"):
-        terms += rotated or [*boxes, *different]
+        terms += rotated or [*boxes, *different, *(thick if mirror else [])]
     terms += [Connected(connected)] if connected else []
     if isinstance(observations[0].projection, Cropped):
         terms += [Centred(axes="xz" if bands in (None, 1) else "xyz")]

@@ -61,6 +61,7 @@ def shapes(
     rectilinear: float = 1.0,
     varied: float = 0.1,
     connected: float = 3.0,
+    inflated: float = 10.0,
     axisymmetric: float | None = None,
     information: float = 0.0,
     rounds: int = 40,
@@ -103,8 +104,10 @@ def shapes(
             fifth of the budget. If wide and narrow pictures may be different objects or two sides of one, it
             prefers different objects.
         connected: weight of the preference for shapes in one piece.
-        axisymmetric: weight of the preference for bodies of revolution, in place of that for rectangles and for
-            different proportions, if views are not known (default: 6 if most pictures of a folder or an
+        inflated: weight of the preference for shapes that are as thick across their plane of symmetry as they look
+            wide, if views are not known. Pictures of one side do not tell, and flat boards would match them.
+        axisymmetric: weight of the preference for bodies of revolution, in place of those for rectangles, different
+            proportions and thickness, if views are not known (default: 6 if most pictures of a folder or an
             array show a round foot, as `ops.round_feet` tells of cameras above the horizon; else 0).
         information: weight of a preference for shapes whose views can be predicted (`JointlyPredicted`), which has not
             been found to help.
@@ -126,6 +129,7 @@ def shapes(
     plane, level = mirror_of(mirror, views, collection), views != "direct" and bands in (None, 1)
     how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
     panel = split_panel(views, bands, seen, collection, how, seed if augment else None, flips)
+    weights = Weights(solid, rectilinear, varied, connected, inflated, axisymmetric)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, plane, hull=density if level else False),
         discriminator=discriminator_of(views == "direct"),
@@ -133,7 +137,7 @@ def shapes(
         domain=Volumes(sized=seen[0].projection == silhouette),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=preferences(views, Weights(solid, rectilinear, varied, connected, axisymmetric), seen, bands, feet),
+        regulariser=preferences(views, weights, seen, bands, feet, plane),
         generator_optimiser=falling_adam(rate),
         discriminator_optimiser=falling_adam(rate),
         steps=steps_of(size),
