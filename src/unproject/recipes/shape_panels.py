@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypedDict
 
 from torch import Tensor, nn
 
@@ -105,15 +105,24 @@ def discriminator_of(direct: bool) -> Callable[[tuple[int, ...], int], nn.Module
     return partial(Discriminator, channels=channels, shared=4, bottleneck=256, common=True, volumetric=direct)
 
 
-def falling_adam(rate: float) -> Adam:
-    """Return Adam whose learning rate falls to a tenth."""
-    return Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+class Optimisers(TypedDict):
+    """Of both networks."""
+
+    generator_optimiser: Adam
+    discriminator_optimiser: Adam
+
+
+def falling_adams(rate: float) -> Optimisers:
+    """Return Adam whose learning rate falls to a tenth, for both networks."""
+    adam = Adam(rate, beta1=0.0, beta2=0.95, final=rate / 10)
+    return {"generator_optimiser": adam, "discriminator_optimiser": adam}
 
 
 def pictures_of(
     data: Path | None,
     views: Views,
-    silhouette: Silhouette,
+    size: int | None,
+    density: float,
     bins: int,
     bands: int | None,
     views_per_shape: int,
@@ -125,6 +134,7 @@ def pictures_of(
     The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
     and volumes stay as they are. Cropped ones are read twice as large, since most become smaller.
     """
+    silhouette = Silhouette(size=size, rule="absorption", density=density)
     observations = silhouette_views(silhouette, bins, bands)
     by_reader = data is not None and Path(data).is_dir() and not holds_shapes(Path(data))
     enlarged = ENLARGED if by_reader else 1

@@ -17,6 +17,7 @@ from ..adversarial.losses import Hinge, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
 from ..domains import Volumes
 from ..networks import Discriminator, VoxelGenerator
+from ..projections.cropped import Cropped
 from ..projections.silhouette import Silhouette
 from ..training import Adam, Options, Recipe, Tries, resumable
 from .pairing import Views, five_rounds, jointly_predicted, panel_of
@@ -24,7 +25,7 @@ from .precision import in_fast_precision
 from .shape_panels import (
     Weights,
     discriminator_of,
-    falling_adam,
+    falling_adams,
     generator_of,
     mirror_of,
     mirrored_by,
@@ -124,8 +125,7 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
-    silhouette = Silhouette(size=size, rule="absorption", density=density)
-    collection, seen, feet = pictures_of(data, views, silhouette, bins, bands, views_per_shape, binary, seed)
+    collection, seen, feet = pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
     plane, level = mirror_of(mirror, views, collection), views != "direct" and bands in (None, 1)
     how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
     panel = split_panel(views, bands, seen, collection, how, seed if augment else None, flips)
@@ -134,12 +134,11 @@ def shapes(
         generator=generator_of(panel.shape[-1], channels, rank, plane, hull=density if level else False),
         discriminator=discriminator_of(views == "direct"),
         panels=[panel],
-        domain=Volumes(sized=seen[0].projection == silhouette),
+        domain=Volumes(sized=not isinstance(panel.projection, Cropped)),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
         regulariser=preferences(views, weights, seen, bands, feet, plane),
-        generator_optimiser=falling_adam(rate),
-        discriminator_optimiser=falling_adam(rate),
+        **falling_adams(rate),
         steps=steps_of(size),
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,
