@@ -112,6 +112,16 @@ def test_chosen_planes_are_called_by_their_numbers(tmp_path):
     assert [node["name"] for node in tree["nodes"]] == ["material-03", "material-01"]
 
 
+def test_rows_of_chosen_materials_are_called_by_their_numbers(tmp_path):
+    np.savez(tmp_path / "x.npz", **Maps().arrays(wood(4, 16)))
+    for out, only in (("all", []), ("one", ["--only", "3"]), ("first", ["--only", "0"])):
+        assert main(["export", str(tmp_path / "x.npz"), *only, "--out", str(tmp_path / f"{out}.png")]) == 0
+    every, one, first = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("all", "one", "first"))
+    label = one.shape[0] - (every.shape[0] - one.shape[0]) // 3
+    assert np.array_equal(one[label:], every[-(one.shape[0] - label) :])  # its row, with its number
+    assert np.array_equal(first, every[: len(first)]) and not np.array_equal(first[:, :14], one[:, :14])
+
+
 def test_some_samples_are_chosen_by_their_numbers(tmp_path, capsys):
     v = np.zeros((4, 8, 8, 8), np.float32)
     for number in range(4):

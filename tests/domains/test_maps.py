@@ -77,7 +77,8 @@ def test_a_map_that_all_materials_share_is_matched_within_two_levels() -> None:
 
 @pytest.mark.parametrize(("side", "cell"), [(16, 64), (48, 96), (64, 64), (80, 80)])
 def test_previews_have_cells_in_which_labels_can_be_read(side: int, cell: int) -> None:
-    assert Maps().preview(wood(1, side, 0)).width == 8 * cell
+    sheet = Maps().preview(wood(3, side, 0))
+    assert 8 * cell < sheet.width < 8 * cell + 20 and sheet.height == 16 + 3 * cell  # a number beside each row
 
 
 def left_open(*observations: Observation) -> list[str]:

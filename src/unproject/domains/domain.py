@@ -242,8 +242,11 @@ class Domain(ABC):
             np.savez_compressed(file, **arrays)
         return Written((path,))
 
-    def write_preview(self, x: Tensor, path: str | PathLike[str], suffix: str = ".png") -> Written:
-        """Write the preview, at the path if it ends in the suffix, else samples.png in that folder."""
+    def write_preview(self, x: Tensor, path: str | PathLike[str], suffix: str = ".png", **options: Any) -> Written:
+        """Write the preview, at the path if it ends in the suffix, else samples.png in that folder.
+
+        `options` are those that `options_of` returns for it, of a domain whose `preview` takes any.
+        """
         path = Path(path) if Path(path).suffix.lower() == suffix else Path(path) / f"samples{suffix}"
-        save_image(self.preview(x), path)
+        save_image(self.preview(x, **options), path)
         return Written((path,))

@@ -61,8 +61,9 @@ class Maps(Domain):
     written: ClassVar[str] = "maps"
     fresnel: Fresnel = "albedo"
 
-    def preview(self, x: Tensor) -> Image.Image:
-        return export.material_sheet(x, relit(x, self.fresnel), scale=math.ceil(LEGIBLE / x.shape[-1]))
+    def preview(self, x: Tensor, names: Sequence[str] | None = None) -> Image.Image:
+        scale = math.ceil(LEGIBLE / x.shape[-1])
+        return export.material_sheet(x, relit(x, self.fresnel), scale=scale, names=names)
 
     def arrays(self, x: Tensor) -> dict[str, np.ndarray]:
         named = {name: part.numpy() for name, part in unpack_maps(x).items()}
@@ -118,8 +119,12 @@ class Maps(Domain):
         ).warn_skipped()
 
     def options_of(self, exporter: Exporter, largest_part: bool, numbers: Sequence[int] | None) -> dict[str, Any]:
-        written = getattr(exporter, "func", None) in export.MATERIAL_FORMATS.values()
-        return {"names": export.names_of(numbers, "material-")} if written and numbers is not None else {}
+        how = getattr(exporter, "func", None)
+        if numbers is None or how not in (*export.MATERIAL_FORMATS.values(), self.write_preview):
+            return {}
+        return {
+            "names": [str(n) for n in numbers] if how == self.write_preview else export.names_of(numbers, "material-")
+        }
 
     @property
     def exporters(self) -> Mapping[str, Exporter]:

@@ -152,15 +152,29 @@ def map_picture(name: str, part: Tensor) -> Tensor:
 
 
 def material_sheet(
-    maps: Tensor, pictures: Mapping[str, Tensor], path: str | PathLike[str] | None = None, *, scale: int = 1
+    maps: Tensor,
+    pictures: Mapping[str, Tensor],
+    path: str | PathLike[str] | None = None,
+    *,
+    scale: int = 1,
+    names: Sequence[str] | None = None,
 ) -> Image.Image:
-    """A row a material: its diffuse, specular, roughness and normal map, and pictures name → (N, 3, H, W) of it."""
+    """A row a material: its diffuse, specular, roughness and normal map, and pictures name → (N, 3, H, W) of it.
+
+    Args:
+        maps: (N, 8 or 10, H, W).
+        pictures: of each material.
+        path: where to write the sheet too, by its suffix (.png).
+        scale: how many times as large as a texel a pixel is.
+        names: of the materials, at the left; default: their numbers.
+    """
     columns = {name: map_picture(name, part) for name, part in unpack_maps(maps.detach().cpu()).items()}
     columns |= {name: picture.detach().cpu() for name, picture in pictures.items()}
     stacked = torch.stack([column.expand(-1, 3, -1, -1) for column in columns.values()], 1)
     cells = stacked.permute(0, 1, 3, 4, 2).clamp(0, 1).mul(255).round().byte().numpy()
     cells = cells.repeat(scale, 2).repeat(scale, 3)
-    return _kept(_labelled(_joined(cells), cells.shape[3], [*columns], []), path)
+    rows = [str(i) for i in range(len(maps))] if names is None else list(names_for(maps, names))
+    return _kept(_labelled(_joined(cells), cells.shape[3], [*columns], rows, cells.shape[2]), path)
 
 
 def turntable(
@@ -238,15 +252,21 @@ def _joined(cells: np.ndarray) -> np.ndarray:
     return cells.swapaxes(1, 2).reshape(rows * height, columns * width, channels)
 
 
-def _labelled(picture: np.ndarray, size: int, columns: Sequence[str], rows: Sequence[str]) -> Image.Image:
-    """The picture under a thin line of column labels, each row's label in its upper left corner."""
-    sheet = Image.fromarray(np.pad(picture, ((_LABEL, 0), (0, 0), (0, 0)), constant_values=255))
-    draw = ImageDraw.Draw(sheet)
+def _labelled(
+    picture: np.ndarray, size: int, columns: Sequence[str], rows: Sequence[str], beside: int = 0
+) -> Image.Image:
+    """The picture under a thin line of column labels, each row's label in its upper left corner.
+
+    Rows `beside` pixels high that have no white corner have their labels in a margin at the left.
+    """
     font = ImageFont.load_default(size=11)
+    margin = math.ceil(max(map(font.getlength, rows))) + 8 if beside else 0
+    sheet = Image.fromarray(np.pad(picture, ((_LABEL, 0), (margin, 0), (0, 0)), constant_values=255))
+    draw = ImageDraw.Draw(sheet)
     for i, label in enumerate(columns):
-        draw.text(((i + 0.5) * size, _LABEL / 2), label, fill=_INK, font=font, anchor="mm")
+        draw.text((margin + (i + 0.5) * size, _LABEL / 2), label, fill=_INK, font=font, anchor="mm")
     for i, label in enumerate(rows):
-        draw.text((4, _LABEL + i * size + 3), label, fill=_INK, font=font)
+        draw.text((4, _LABEL + i * (beside or size) + 3), label, fill=_INK, font=font)
     return sheet
 
 
