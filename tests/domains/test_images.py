@@ -14,7 +14,7 @@ from unproject.ops import turn_image
 
 def test_images_are_turned_by_their_gauge_before_each_is_turned_at_random() -> None:
     """All of them turned by three directions of ten: the reflection that lines leave open is about another axis."""
-    x, reference = digits(32)[:200], digits(32)[700:900]
+    x, reference = digits(32)[:100], digits(32)[700:800]
     turned = turn_image(x, torch.full((len(x),), 3 * math.pi / 10))
     upright, found, left = (
         Images().scores(images, reference, turns=turns)["frechet_mirrored"].value
