@@ -62,7 +62,7 @@ def shapes(
     rectilinear: float = 1.0,
     varied: float = 0.1,
     connected: float = 3.0,
-    inflated: float = 10.0,
+    inflated: float = 1.0,
     axisymmetric: float | None = None,
     information: float = 0.0,
     rounds: int = 40,
