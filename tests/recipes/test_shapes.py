@@ -106,7 +106,7 @@ def test_direct_training(recipe: Callable[..., Recipe], volumes: Path) -> None:
 
 @pytest.mark.parametrize("views, solid", [("predicted", True), ("known", True), ("single", True), ("direct", False)])
 def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any, solid: bool, volumes: Path) -> None:
-    none = {"rectilinear": 0.0, "varied": 0.0, "inflated": 0.0, **SMALL}
+    none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}
     made = shapes(data=volumes, views=views, solid=0.3, **none)
     assert made.regulariser == (Solid(0.3, 0.03) if solid else None)
     assert shapes(data=volumes, views=views, solid=0.0, **none).regulariser is None
@@ -116,7 +116,7 @@ def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any
 def test_plans_are_preferred_rectangular_varied_and_thick_where_views_do_not_tell_them(
     views: Any, unknown: bool, volumes: Path
 ) -> None:
-    some = {"data": volumes, "views": views, "solid": 0.0, "rectilinear": 0.0, "varied": 0.0, "inflated": 0.0, **SMALL}
+    some = {"data": volumes, "views": views, "solid": 0.0, "rectilinear": 0.0, "varied": 0.0, **SMALL}
     assert shapes(**{**some, "rectilinear": 1.0}).regulariser == (Rectilinear(1.0, 0.3) if unknown else None)
     assert shapes(**{**some, "varied": 0.1}).regulariser == (Varied(0.1) if unknown else None)
     assert shapes(**{**some, "inflated": 10.0}).regulariser == (Inflated(10.0) if unknown else None)
@@ -144,7 +144,7 @@ def test_round_shapes_are_preferred_where_pictures_show_round_feet(cups: Path) -
     assert [type(term) for term in made.regulariser.terms] == [Axisymmetric, Centred]
     assert Axisymmetric(2.0) in shapes(axisymmetric=2.0, **some).regulariser.terms  # type: ignore[union-attr]
     refused = shapes(axisymmetric=0.0, **some).regulariser
-    assert [type(term) for term in refused.terms] == [Rectilinear, Varied, Inflated, Centred]  # type: ignore[union-attr]
+    assert [type(term) for term in refused.terms] == [Rectilinear, Varied, Centred]  # type: ignore[union-attr]
 
 
 def test_a_run_of_before_round_shapes_were_preferred_goes_on_without(cups: Path, tmp_path: Path) -> None:
@@ -173,7 +173,7 @@ def test_weights_below_zero_are_refused_whether_used_or_not(volumes: Path, name:
 
 def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:
     both = Regularisers((Solid(0.1, 0.01), Connected(0.5)))
-    none = {"rectilinear": 0.0, "varied": 0.0, "inflated": 0.0, **SMALL}
+    none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}
     assert shapes(data=volumes, connected=0.5, **none).regulariser == both
     assert shapes(data=volumes, connected=0.5, solid=0.0, **none).regulariser == Connected(0.5)
     assert shapes(data=volumes, connected=0.5, views="direct", **SMALL).regulariser == Connected(0.5)

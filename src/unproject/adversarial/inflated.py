@@ -23,8 +23,8 @@ class Inflated:
 
     If pictures show objects from one side alone, nothing in them tells how thick these are across their plane of
     symmetry, x = 0, and flat boards match them as well as bodies. Most objects are as thick as they look wide, a seat
-    or a belly (docs/trials.md). Of flat ones, such as fish, pictures from other sides show it, and discriminators
-    override a weight as small as this. Thin legs and wings seen edge-on look thin, and are not pushed.
+    or a belly, but a fish is not, and is made fat, also where pictures of other sides show it (docs/trials.md). Thin
+    legs and wings seen edge-on look thin, and are not pushed.
 
     Args:
         weight: w.
@@ -46,7 +46,7 @@ class Inflated:
         tensor(True)
     """
 
-    weight: float = 1.0
+    weight: float = 10.0
     density: float = 2.0
     volumes: int = 16
 
