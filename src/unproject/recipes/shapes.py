@@ -106,8 +106,8 @@ def shapes(
             prefers different objects.
         connected: weight of the preference for shapes in one piece.
         inflated: weight of the preference for shapes that are as thick across their plane of symmetry as they look
-            wide, if views are not known. Pictures of one side do not tell, and boards match them; 10 made bodies of
-            them, but flat things fat.
+            wide, if views are not known and `mirror` is on. Pictures of one side do not tell, and boards match them; 10
+            made bodies of them, but flat things fat.
         axisymmetric: weight of the preference for bodies of revolution, in place of those for rectangles, different
             proportions and thickness, if views are not known (default: 6 if most pictures of a folder or an
             array show a round foot, as `ops.round_feet` tells of cameras above the horizon; else 0).
