@@ -2920,6 +2920,13 @@ TRAINING = (
         "training/test_trainer.py",
     ),
     mutant(
+        "save: minutes that end while a checkpoint is written are not spent in it",
+        "training/trainer.py",
+        "if self.saved == stored_of(self.recipe, counters):",
+        "if self.saved and self.saved[0] == counters.step:",
+        f"{RESUME}::test_minutes_that_end_while_a_checkpoint_is_written_are_spent_in_that_checkpoint",
+    ),
+    mutant(
         "resume: a recipe that lacks a part is the same",
         "training/compatibility.py",
         "for name in before | now:",

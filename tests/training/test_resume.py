@@ -199,6 +199,22 @@ def test_a_budget_in_minutes_ends_with_a_checkpoint(tmp_path: Path) -> None:
     assert resume(tmp_path, toy(minutes=0.02), quiet=True).step == run.step
 
 
+def test_minutes_that_end_while_a_checkpoint_is_written_are_spent_in_that_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a run that said it was finished would load as stopped, and have no verdict."""
+    clock, save = [0.0], checkpoint.save
+
+    def slowly(*given: Any) -> Path:
+        clock[0] += 40
+        return save(*given)
+
+    monkeypatch.setattr(Trainer, "seconds", property(lambda _: clock[0]))
+    monkeypatch.setattr(trainer.checkpoint, "save", slowly)
+    run = train(toy(minutes=1.0, checkpoint_every=1), tmp_path, quiet=True)
+    assert run.step == 2 and run.complete and load(tmp_path).complete
+
+
 def interrupt() -> None:
     signal.raise_signal(signal.SIGINT)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .._files import read_json
+from .counters import Counters
 from .recipe import Recipe, part_spent
 from .run_directory import BUDGET, RESTORE, write_json
 
@@ -16,6 +17,14 @@ def progress_of(resolved: Mapping[str, Any], step: int, seconds: float) -> float
     """Return the part of the budget of recipe.json that is spent (`Recipe.progress`), whatever else stands there."""
     steps, minutes = (_positive(resolved.get(name)) for name in BUDGET)
     return part_spent(steps, minutes, step, seconds)
+
+
+def stored_of(recipe: Recipe, counters: Counters) -> tuple[int, bool]:
+    """Return what a checkpoint with these counters says: its step, and whether the budget is spent.
+
+    A step that was stored before the minutes were over is stored again after, or the run would load as unfinished.
+    """
+    return counters.step, recipe.progress(counters.step, counters.seconds) >= 1
 
 
 def has_budget(path: Path, recipe: Recipe) -> bool:

@@ -21,7 +21,7 @@ def roll_back(trainer: Trainer, trouble: Diverged) -> None:
     at, seconds = counters.step, counters.seconds
     trainer.state.load(checkpoint.load(checkpoints[-1]))
     counters.rollbacks, counters.rate_scale, counters.collapsed = 1, counters.rate_scale / 2, 0
-    trainer.began, trainer.saved_at = time.monotonic() - seconds, None
+    trainer.began, trainer.saved = time.monotonic() - seconds, None
     trainer.state.go_on_from(trainer.progress())  # minutes that were trained in vain are spent
     trainer.recorder.say(f"{trouble}; rolling back to step {counters.step} with half the learning rate")
     trainer.recorder.write(counters.step, seconds, event="rollback", at=at, reason=str(trouble))

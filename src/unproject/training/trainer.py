@@ -24,6 +24,7 @@ from ..data.sampling import batch_rows
 from . import checkpoint
 from .balancing import Term, balanced_loss
 from .batch import Batch
+from .budget import stored_of
 from .choosing import choose
 from .distribution import Distribution
 from .graphs import Graphs, replayable
@@ -70,7 +71,7 @@ class Trainer:
         self.graphs = Graphs(enabled=recipe.normalise_over != "processes")
         self.forward = self._compiled()
         self.began = time.monotonic() - self.state.counters.seconds
-        self.saved_at = self.state.counters.step or None
+        self.saved = stored_of(recipe, self.state.counters) if self.state.counters.step else None
         self.last_seconds = math.inf
         self.before: dict[str, Tensor] | None = None
 
@@ -116,7 +117,7 @@ class Trainer:
         """Return to the start of the step that was interrupted."""
         assert self.before is not None
         self.state.load(self.before)
-        self.saved_at = None
+        self.saved = None
 
     def _codes(self, draw: int) -> Tensor:
         rng = generator_at(self.recipe.seed, draw, "codes/0")
@@ -240,7 +241,7 @@ class Trainer:
             if panel.assignment.learned is not None:
                 panel.assignment.learned.advance(progress)
             if not panel.assignment.before_step(TrainingContext(self, progress, index)):
-                self.saved_at = None
+                self.saved = None
                 return False
         return True
 
@@ -271,11 +272,11 @@ class Trainer:
         self.forward = self._compiled()
 
     def save(self) -> None:
-        """Write a checkpoint and a picture, unless this step has them. Raises Diverged if anything is not finite."""
+        """Write a checkpoint and a picture, unless they are there. Raises Diverged if anything is not finite."""
         counters = self.state.counters
-        if self.saved_at == counters.step:
+        counters.seconds = self.distribution.average(self.seconds)
+        if self.saved == stored_of(self.recipe, counters):
             return
-        counters.seconds = self.seconds
         counters.lines = self.recorder.lines
         tensors = self.state.tensors()
         samples = self.state.sampler().sample(self.state.domain.previewed, seed=0)
@@ -286,7 +287,7 @@ class Trainer:
             (self.out / VERDICT).unlink(missing_ok=True)  # it is of fewer steps
             self.state.domain.write_preview(samples, self.out / "samples" / f"step-{counters.step:09d}.png")
         self.distribution.barrier()
-        self.saved_at = counters.step
+        self.saved = stored_of(self.recipe, counters)
 
     def _compiled(self) -> Callable[[Tensor], Tensor]:
         """Compile the generator if asked for and possible: torch needs a compiler on processors."""

@@ -41,7 +41,7 @@ class TrainingContext:
         return self._trainer.stopping() or self._trainer.progress() >= 1
 
     def save(self) -> None:
-        self._trainer.saved_at = None
+        self._trainer.saved = None
         self._trainer.save()
 
     def record(self, **fields: Any) -> None:
