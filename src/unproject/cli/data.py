@@ -217,7 +217,10 @@ def _inspected(path: Path, recipe: str, size: int | None, framing: Framing | Non
     if kind == "materials":
         return inspect_materials(path, size, strict=strict)
     pictures = "images" if kind == "digits" else "silhouettes"
-    return inspect(path, size, pictures=pictures, framing=framing, strict=strict)
+    found = inspect(path, size, pictures=pictures, framing=framing, strict=strict)
+    if kind == "digits" and "volumes" in found.collections:
+        raise UserError(f"{path}: holds volumes; {recipe} learns images; --for shapes reads it")
+    return found
 
 
 def _pack(path: Path, out: Path | None, recipe: str, size: int | None, framing: Framing | None, strict: bool) -> None:
