@@ -2927,6 +2927,13 @@ TRAINING = (
         f"{RESUME}::test_minutes_that_end_while_a_checkpoint_is_written_are_spent_in_that_checkpoint",
     ),
     mutant(
+        "train: whether a run is finished is told by the clock after it was saved",
+        "training/loop.py",
+        "complete = trainer.saved is not None and trainer.saved[1]",
+        "complete = trainer.progress() >= 1",
+        f"{RESUME}::test_a_run_that_is_stopped_is_unfinished_though_its_minutes_end_while_it_is_saved",
+    ),
+    mutant(
         "resume: a recipe that lacks a part is the same",
         "training/compatibility.py",
         "for name in before | now:",

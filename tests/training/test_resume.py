@@ -199,10 +199,9 @@ def test_a_budget_in_minutes_ends_with_a_checkpoint(tmp_path: Path) -> None:
     assert resume(tmp_path, toy(minutes=0.02), quiet=True).step == run.step
 
 
-def test_minutes_that_end_while_a_checkpoint_is_written_are_spent_in_that_checkpoint(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Else a run that said it was finished would load as stopped, and have no verdict."""
+@pytest.fixture
+def forty_seconds_a_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And none for all else."""
     clock, save = [0.0], checkpoint.save
 
     def slowly(*given: Any) -> Path:
@@ -211,8 +210,24 @@ def test_minutes_that_end_while_a_checkpoint_is_written_are_spent_in_that_checkp
 
     monkeypatch.setattr(Trainer, "seconds", property(lambda _: clock[0]))
     monkeypatch.setattr(trainer.checkpoint, "save", slowly)
+
+
+def test_minutes_that_end_while_a_checkpoint_is_written_are_spent_in_that_checkpoint(
+    tmp_path: Path, forty_seconds_a_checkpoint: None
+) -> None:
+    """Else a run that said it was finished would load as stopped."""
     run = train(toy(minutes=1.0, checkpoint_every=1), tmp_path, quiet=True)
     assert run.step == 2 and run.complete and load(tmp_path).complete
+
+
+def test_a_run_that_is_stopped_is_unfinished_though_its_minutes_end_while_it_is_saved(
+    tmp_path: Path, forty_seconds_a_checkpoint: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it would have a verdict, and load as stopped."""
+    with monkeypatch.context() as patch:
+        at_call(patch, Trainer, "step", 2, interrupt)
+        run = train(toy(minutes=0.5, checkpoint_every=9), tmp_path, quiet=True)
+    assert run.step == 2 and not run.complete and not load(tmp_path).complete
 
 
 def interrupt() -> None:

@@ -190,6 +190,6 @@ def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, qu
                 break
             except Diverged as trouble:
                 roll_back(trainer, trouble)
-        complete = trainer.progress() >= 1
+        complete = trainer.saved is not None and trainer.saved[1]  # as it will load, whatever the clock says by now
     distribution.close()
     return Run(out, state.sampler(), state.counters.step, state.domain, complete, recipe)
