@@ -277,7 +277,10 @@ def test_a_run_of_empty_shapes_says_so(
 
 @pytest.fixture
 def small_demo(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The demo with the toy in place of the recipe, and boxes in place of what it makes of chairs in three steps."""
+    """The demo with the toy in place of the recipe, and boxes in place of what it makes of chairs in three steps.
+
+    Each step takes a second by its clock: by that of a machine a first step may take longer than all minutes given.
+    """
     toy = find_object(TOY)
 
     def recipe(minutes: float, seed: int) -> Any:
@@ -288,6 +291,7 @@ def small_demo(monkeypatch: pytest.MonkeyPatch) -> None:
         volume[:, 4:12, 3:13, 4:12] = 1
         return volume
 
+    monkeypatch.setattr(Trainer, "seconds", property(lambda trainer: float(trainer.state.counters.step)))
     monkeypatch.setattr("unproject.recipes.shapes.shapes", recipe)
     monkeypatch.setattr("unproject.export.turntable", partial(turntable, frames=3))
     monkeypatch.setattr("unproject.networks.Generator.sample", boxes)
