@@ -19,7 +19,8 @@ from unproject.data import ReadOptions, pack
 from unproject.data import packing as packing_module
 from unproject.data.readers import surveying
 
-KILLS = 10
+KILLS, WHOLE = 10, 15
+"""Kills at least, and parts of the whole folder."""
 HOW = ReadOptions(16)
 
 
@@ -45,9 +46,10 @@ def main(folder: Path, out: Path, seed: int) -> None:
     pack(folder, out.with_name("whole.npz"), HOW)
     longest = (time.monotonic() - began) / 2
     rng, parts, number = random.Random(seed), [], 0
-    while len(parts) < KILLS or not max(parts):
+    while len(parts) < KILLS or not any(0 < count < WHOLE for count in parts):
         if killed_after(rng.uniform(0, longest), folder, out.with_name(f"killed-{number}.npz")):
             parts.append(len(list(out.parent.glob(f".killed-{number}.npz.*.parts/[0-9]*.npz"))))
+            longest *= 1 if parts[-1] else 1.2  # the machine may be busier by now than when it was measured
             print(parts[-1])
         else:
             number += 1

@@ -27,9 +27,9 @@ class Processes:
 
     def all_reduce(self, values: Tensor) -> None:
         self.given[threading.get_ident()] = values.clone()
-        self.barrier.wait(10)
+        self.barrier.wait(60)
         total = torch.stack([self.given[key] for key in sorted(self.given)]).sum(0)
-        self.barrier.wait(10)
+        self.barrier.wait(60)
         values.copy_(total)
 
     def run(self, work: Callable[[int], None]) -> None:
@@ -37,7 +37,7 @@ class Processes:
         for thread in threads:
             thread.start()
         for thread in threads:
-            thread.join(20)
+            thread.join(120)
 
 
 @pytest.mark.parametrize(("norm", "shape"), [(nn.BatchNorm1d, (5,)), (nn.BatchNorm2d, (5, 3, 4))])

@@ -107,9 +107,9 @@ def test_bad_pictures_are_named_and_skipped(tmp_path):
     (tmp_path / "cut.png").write_bytes(good.read_bytes()[:60])
     save(tmp_path / "black.png", np.zeros((40, 40), np.uint8))
     bomb(tmp_path / "bomb.png")
-    start = time.perf_counter()
+    began = time.process_time()
     found = read(tmp_path)
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - began < 5
     assert found.names == ("good.png",)
     reasons = dict(found.skipped)
     assert set(reasons) == {"garbage.png", "empty.png", "truncated.jpg", "cut.png", "black.png", "bomb.png"}
