@@ -14,18 +14,18 @@ import torch.distributed as dist
 
 def in_two(act: Callable[[], object]) -> None:
     """Run `act` in two processes; when one fails, end the other and exit with status 1."""
-    with socket.socket() as free:
-        free.bind(("localhost", 0))
-        port = free.getsockname()[1]
-    os.environ.update(WORLD_SIZE="2", MASTER_ADDR="localhost", MASTER_PORT=str(port))
-    running = {_forked(rank, act) for rank in (0, 1)}
-    while running:
-        child, status = os.wait()
-        running.discard(child)
-        if status:
-            for other in running:
-                os.kill(other, signal.SIGKILL)
-            sys.exit(1)
+    with socket.socket() as kept:  # until the end, so that no other process is given its port before these listen on it
+        kept.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        kept.bind(("localhost", 0))
+        os.environ.update(WORLD_SIZE="2", MASTER_ADDR="localhost", MASTER_PORT=str(kept.getsockname()[1]))
+        running = {_forked(rank, act) for rank in (0, 1)}
+        while running:
+            child, status = os.wait()
+            running.discard(child)
+            if status:
+                for other in running:
+                    os.kill(other, signal.SIGKILL)
+                sys.exit(1)
 
 
 def _forked(rank: int, act: Callable[[], object]) -> int:
