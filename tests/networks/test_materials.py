@@ -340,7 +340,7 @@ def test_noise_is_not_its_own_mirror_image_and_differs_between_levels() -> None:
     for x in (fine, coarse):
         spectrum = torch.fft.rfft2(x)  # the correlation with the point mirror image, at every shift
         mirrored = torch.fft.irfft2(spectrum * spectrum, s=x.shape[1:]) / x[0].numel()
-        assert mirrored.abs().max() < 0.2
+        assert mirrored.abs().max() < 0.3  # 0.17 to 0.22 by chance, by codes and so by processor; its own has 1
     assert abs((fine[:, :16].flatten(1) * coarse.flatten(1)).mean()) < 0.02
     assert torch.equal(white_noise(codes[:3], 32, 2), white_noise(codes, 32, 2)[:3])
 
