@@ -35,7 +35,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         (copy / name).write_bytes((ROOT / name).read_bytes())
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
-    subprocess.run([*pip, "-w", str(copy / "dist"), str(copy)], check=True, capture_output=True)
+    done = subprocess.run([*pip, "-w", str(copy / "dist"), str(copy)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
     (wheel,) = (copy / "dist").iterdir()
     return wheel
 
