@@ -68,7 +68,6 @@ def build(folder: Path) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)  # half a minute of a processor that is not busy
 def test_the_site(tmp_path: Path, forked: None) -> None:
     """One test, so that the site is built once, whichever worker has it."""
     pytest.importorskip("sphinx", reason="Sphinx is not installed: pip install 'unproject[docs]'")

@@ -390,7 +390,7 @@ from unproject.training.lock import locked
 
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 
 
