@@ -25,24 +25,27 @@ def board(thickness: int, width: int = 9) -> Tensor:
     return x
 
 
-def plainly(x: Tensor, weight: float, density: float) -> Tensor:
+def plainly(x: Tensor, weight: float, narrowest: float, density: float) -> Tensor:
     """The formula, column by column."""
     found = []
     for volume in x:
         seen = 1 - torch.exp(-density * volume.sum(0))
         before = torch.stack([volume[: k + 1].sum(0).clamp(max=1) for k in range(len(volume))])
         behind = torch.stack([volume[k:].sum(0).clamp(max=1) for k in range(len(volume))])
-        short = local_widths(seen[None].detach())[0] - (before * behind).sum(0)
         seen = seen.detach()
+        height = sum(bool((row > 0.5).any()) for row in seen)
+        asked = local_widths(seen[None])[0].clamp(max=narrowest * max(height, 1))
+        short = asked - (before * behind).sum(0)
         found.append((seen * short.clamp_min(0)).sum() / seen.sum() / len(volume))
     return weight * torch.stack(found).mean()
 
 
-def test_it_is_its_formula() -> None:
+@pytest.mark.parametrize("narrowest", [math.inf, 0.15])
+def test_it_is_its_formula(narrowest: float) -> None:
     torch.manual_seed(0)
     x = torch.nn.functional.interpolate(torch.rand(3, 1, 4, 4, 4) - 0.4, (8, 12, 16), mode="trilinear")[:, 0]
     x = x.clamp_min(0).mul(torch.rand(3, 8, 12, 16)).requires_grad_()
-    term, reference = Inflated(3.0, density=1.5)(x, 0.3), plainly(x, 3.0, 1.5)
+    term, reference = Inflated(3.0, narrowest, density=1.5)(x, 0.3), plainly(x, 3.0, narrowest, 1.5)
     torch.testing.assert_close(term, reference)
     assert term > 0.01
     torch.testing.assert_close(*(torch.autograd.grad(value, x)[0] for value in (term, reference)))
@@ -62,6 +65,13 @@ def test_thicker_costs_less_and_thin_legs_nothing() -> None:
     costs = [cost(board(thickness)) for thickness in range(1, 10)]
     assert all(a > b for a, b in zip(costs, costs[1:5], strict=False)) and costs[-1] == 0
     assert cost(board(1, width=1)) == cost(board(2, width=2)) == 0
+
+
+def test_nothing_need_be_thicker_than_the_narrowest_pictures_are_wide() -> None:
+    """A board of twelve rows, wherever it is; the more pictures of other sides allow, the more is asked."""
+    allowed = [Inflated(1.0, a, density=50.0)(board(3), 0.0).item() for a in (0.1, 0.25, 0.4, 0.5, math.inf)]
+    assert allowed[0] == allowed[1] == 0 < allowed[2] < allowed[3] < allowed[4]
+    assert Inflated(1.0, 0.4, density=50.0)(board(3).roll(2, 2), 0.0).item() == pytest.approx(allowed[2])
 
 
 def test_a_shell_is_as_thick_as_it_is_outside() -> None:
@@ -100,6 +110,6 @@ def test_empty_volumes_are_finite_and_bad_numbers_refused() -> None:
     x = torch.zeros(2, 8, 8, 8, requires_grad=True)
     Inflated()(x, 0.0).backward()
     assert x.grad is None or x.grad.isfinite().all()
-    for bad in ({"weight": -1.0}, {"weight": math.nan}, {"density": 0.0}, {"volumes": 0}):
+    for bad in ({"weight": -1.0}, {"weight": math.nan}, {"narrowest": 0.0}, {"density": 0.0}, {"volumes": 0}):
         with pytest.raises(UserError, match=next(iter(bad))):
             Inflated(**bad)  # type: ignore[arg-type]

@@ -221,8 +221,18 @@ def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(
         mask = (np.abs(rows - 32) + np.abs(columns - 32)) < 20 + k
         Image.fromarray((255 * mask).astype(np.uint8)).save(tmp_path / f"{k}.png")
     cropped, kept = inspect(tmp_path), inspect(tmp_path, framing=Framing(mode="keep"))
-    assert "but of cropped pictures shapes take it so" in cropped.summary()[-1]
-    assert "shapes learn the elevation of cameras too, if pictures were not cropped" in kept.summary()[-1]
+    assert "but of cropped pictures shapes take it so" in cropped.summary()[-2]
+    assert "shapes learn the elevation of cameras too, if pictures were not cropped" in kept.summary()[-2]
+
+
+def test_how_narrow_the_narrowest_pictures_are_is_said(tmp_path: Path) -> None:
+    for k, wide in enumerate([12, *[60] * 20]):
+        mask = np.zeros((96, 96), np.uint8)
+        mask[20:60, 10 : 10 + wide] = 255
+        Image.fromarray(mask).save(tmp_path / f"{k}.png")
+    found = inspect(tmp_path)
+    assert found.as_dict()["narrowest"] == pytest.approx(0.3 + 0.4 * (1.5 - 0.3), abs=0.05)  # between two pictures
+    assert "the narrowest pictures are 0.7" in found.summary()[-1] and "up to that" in found.summary()[-1]
 
 
 def test_round_feet_are_said(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def test_a_run_of_before_recipes_chose_one_goes_on_in_float32(processor: Any, tm
     assert json.loads(file.read_text())["resolved"]["precision"] == "float32"
 
 
-@pytest.mark.parametrize("flag", ["rectilinear", "varied"])
+@pytest.mark.parametrize("flag", ["rectilinear", "varied", "inflated"])
 def test_a_run_of_before_a_preference_goes_on_without(flag: str, processor: Any, tmp_path: Path) -> None:
     processor(avx512_bf16=False)
     train(shapes(**SMALL, **{flag: 0.0}), tmp_path / "run", quiet=True)

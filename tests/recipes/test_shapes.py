@@ -30,6 +30,7 @@ from unproject.assignment import (
 )
 from unproject.data import Collection
 from unproject.networks import LowRankGenerator, VoxelGenerator
+from unproject.ops import aspect
 from unproject.projections.base import Identity
 from unproject.projections.silhouette import Silhouette, azimuth_bins
 from unproject.recipes import shape_panels
@@ -106,7 +107,7 @@ def test_direct_training(recipe: Callable[..., Recipe], volumes: Path) -> None:
 
 @pytest.mark.parametrize("views, solid", [("predicted", True), ("known", True), ("single", True), ("direct", False)])
 def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any, solid: bool, volumes: Path) -> None:
-    none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}
+    none = {"rectilinear": 0.0, "varied": 0.0, "inflated": 0.0, **SMALL}
     made = shapes(data=volumes, views=views, solid=0.3, **none)
     assert made.regulariser == (Solid(0.3, 0.03) if solid else None)
     assert shapes(data=volumes, views=views, solid=0.0, **none).regulariser is None
@@ -116,11 +117,32 @@ def test_only_what_is_seen_in_silhouette_needs_to_be_told_to_be_solid(views: Any
 def test_plans_are_preferred_rectangular_varied_and_thick_where_views_do_not_tell_them(
     views: Any, unknown: bool, volumes: Path
 ) -> None:
-    some = {"data": volumes, "views": views, "solid": 0.0, "rectilinear": 0.0, "varied": 0.0, **SMALL}
+    some = {"data": volumes, "views": views, "solid": 0.0, "rectilinear": 0.0, "varied": 0.0, "inflated": 0.0, **SMALL}
     assert shapes(**{**some, "rectilinear": 1.0}).regulariser == (Rectilinear(1.0, 0.3) if unknown else None)
     assert shapes(**{**some, "varied": 0.1}).regulariser == (Varied(0.1) if unknown else None)
-    assert shapes(**{**some, "inflated": 10.0}).regulariser == (Inflated(10.0) if unknown else None)
+    made = shapes(**{**some, "inflated": 10.0})
+    assert made.regulariser == (Inflated(10.0, narrowest_of(made)) if unknown else None)
     assert shapes(**{**some, "inflated": 10.0, "mirror": False}).regulariser is None  # x = 0 is any plane
+
+
+def narrowest_of(recipe: Recipe) -> float:
+    """Of its training pictures, all of which were looked at."""
+    panel = only_panel(recipe)
+    return aspect(panel.batch(torch.arange(len(panel))), 0.02)
+
+
+def test_shapes_need_not_be_thicker_than_the_narrowest_pictures_are_wide(tmp_path: Path) -> None:
+    """Of cut-outs, and of pictures as they are; a few slivers do not count."""
+    sides = [(40, 20)] * 90 + [(8, 20)] * 9 + [(1, 20)]
+    pictures = np.zeros((100, 1, 64, 64), np.float32)
+    for i, (wide, high) in enumerate(sides):
+        pictures[i, 0, i % 40 : i % 40 + high, 10 : 10 + wide] = 1
+        Image.fromarray(pictures[i, 0].astype(bool)).save(tmp_path / f"{i:03d}.png")
+    np.savez(tmp_path / "pictures.npz", silhouettes=pictures)
+    for data, size in ((tmp_path, 32), (tmp_path / "pictures.npz", 64)):
+        made = shapes(data=data, size=size)
+        thick = next(term for term in made.regulariser.terms if isinstance(term, Inflated))  # type: ignore[union-attr]
+        assert thick.narrowest == pytest.approx(0.4, rel=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +166,7 @@ def test_round_shapes_are_preferred_where_pictures_show_round_feet(cups: Path) -
     assert [type(term) for term in made.regulariser.terms] == [Axisymmetric, Centred]
     assert Axisymmetric(2.0) in shapes(axisymmetric=2.0, **some).regulariser.terms  # type: ignore[union-attr]
     refused = shapes(axisymmetric=0.0, **some).regulariser
-    assert [type(term) for term in refused.terms] == [Rectilinear, Varied, Centred]  # type: ignore[union-attr]
+    assert [type(term) for term in refused.terms] == [Rectilinear, Varied, Inflated, Centred]  # type: ignore[union-attr]
 
 
 def test_a_run_of_before_round_shapes_were_preferred_goes_on_without(cups: Path, tmp_path: Path) -> None:
@@ -173,7 +195,7 @@ def test_weights_below_zero_are_refused_whether_used_or_not(volumes: Path, name:
 
 def test_shapes_in_one_piece_are_preferred_if_asked(volumes: Path) -> None:
     both = Regularisers((Solid(0.1, 0.01), Connected(0.5)))
-    none = {"rectilinear": 0.0, "varied": 0.0, **SMALL}
+    none = {"rectilinear": 0.0, "varied": 0.0, "inflated": 0.0, **SMALL}
     assert shapes(data=volumes, connected=0.5, **none).regulariser == both
     assert shapes(data=volumes, connected=0.5, solid=0.0, **none).regulariser == Connected(0.5)
     assert shapes(data=volumes, connected=0.5, views="direct", **SMALL).regulariser == Connected(0.5)

@@ -15,25 +15,27 @@ from .regularisers import TINY
 
 @dataclass(frozen=True)
 class Inflated:
-    """w E[Σ m (d - t)₊ / (X Σ m)]: prefer shapes that are as thick along x as they look wide from there.
+    """w E[Σ m (min(d, a h) - t)₊ / (X Σ m)]: prefer shapes that are as thick along x as they look wide from there.
 
-    m = 1 - exp(-density Σ_x p) is the silhouette along x, d its local width (`ops.local_widths`) and t the extent along
-    x, from the first to the last full voxel: Σ_x min(1, Σ_{x' ≤ x} p) min(1, Σ_{x' ≥ x} p). m and d have no gradient:
-    thin places become thicker, and wide ones not narrower.
+    m = 1 - exp(-density Σ_x p) is the silhouette along x, d its local width (`ops.local_widths`), h its height, and t
+    the extent along x, from the first to the last full voxel: Σ_x min(1, Σ_{x' ≤ x} p) min(1, Σ_{x' ≥ x} p). m, d and h
+    have no gradient: thin places become thicker, and wide ones not narrower.
 
     If pictures show objects from one side alone, nothing in them tells how thick these are across their plane of
     symmetry, x = 0, and flat boards match them as well as bodies. Most objects are as thick as they look wide, a seat
-    or a belly, but a fish is not, and is made fat, also where pictures of other sides show it (docs/trials.md). Thin
-    legs and wings seen edge-on look thin, and are not pushed.
+    or a belly. A fish is not; but then some pictures are narrow, those from the front, and with a as narrow as the
+    narrowest, width over height, no place is asked to be thicker than what they can show. Thin legs and wings seen
+    edge-on look thin, and are not pushed.
 
     Args:
         weight: w.
+        narrowest: a.
         density: a full voxel absorbs 1 - exp(-density).
         volumes: the mean is taken of so many volumes of the batch, to save time; as codes are drawn independently, its
             expectation is that of all.
 
     Raises:
-        UserError: for a weight below 0, a density that is not positive, or no volume.
+        UserError: for a weight below 0, a width or density that is not positive, or no volume.
 
     References:
         Igarashi, Matsuoka and Tanaka 1999, Teddy: outlines are inflated so that wide places are thick.
@@ -47,18 +49,22 @@ class Inflated:
     """
 
     weight: float = 10.0
+    narrowest: float = math.inf
     density: float = 2.0
     volumes: int = 16
 
     def __post_init__(self) -> None:
         if not (0 <= self.weight < math.inf and 0 < self.density < math.inf and self.volumes >= 1):
             raise UserError(f"{self}: give a weight of 0 or more, a positive density and at least one volume")
+        if not self.narrowest > 0:
+            raise UserError(f"{self}: narrowest is a width over a height; give one above 0")
 
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z), whatever is spent of the budget."""
         x = x[: self.volumes]
         seen = 1 - torch.exp(-self.density * x.detach().sum(1))
-        widths = local_widths(seen)
+        heights = (seen.amax(2) > 0.5).sum(1)[:, None, None].clamp_min(1)
+        widths = torch.minimum(local_widths(seen), self.narrowest * heights)
         share = seen / (seen.sum((1, 2), keepdim=True) + TINY) / len(x) / x.shape[1]
         wide = widths.flatten().nonzero()[:, 0]  # most columns are empty or thin, and cost nothing
         columns = x.transpose(0, 1).flatten(1).index_select(1, wide)

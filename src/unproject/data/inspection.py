@@ -12,6 +12,7 @@ from torch import Tensor
 
 from .._types import printable
 from ..ops.feet import ROUND, round_feet
+from ..ops.framing import NARROW, aspect
 from ..ops.outlines import LEVEL, level_share
 from .collection import Collection
 from .measured_lines import INTENSITIES, are_intensities, center_of, scale_of
@@ -107,13 +108,16 @@ class Inspection:
         return lines if found is None else [*lines, *self._outlines(found)]
 
     def _outlines(self, silhouettes: Tensor) -> list[str]:
-        """Return a line of text on cameras, and one on round feet if most pictures show one."""
+        """Return a line of text on cameras, one on thickness, and one on round feet if most pictures show one."""
         level, feet = level_share(silhouettes), round_feet(silhouettes)
         down = "which does not tell that cameras were level, but of cropped pictures shapes take it so"
         down = down if self.cropped else "shapes learn the elevation of cameras too, if pictures were not cropped"
         cameras = "shapes take it that cameras were level" if level > LEVEL else down
         round_ones = f"  {feet:.0%} of pictures show a round foot: of unknown views shapes prefer bodies of revolution"
-        return [f"  {level:.0%} of straight outlines are level: {cameras}", *([round_ones] if feet > ROUND else [])]
+        narrow = f"the narrowest pictures are {aspect(silhouettes, NARROW):.2f} times as wide as high"
+        thick = "of unknown views shapes prefer to be as thick as they look wide, up to that"
+        lines = [f"  {level:.0%} of straight outlines are level: {cameras}", f"  {narrow}: {thick}"]
+        return [*lines, *([round_ones] if feet > ROUND else [])]
 
     def level_outlines(self) -> float | None:
         """Return `ops.level_share` of silhouettes, None of others; shapes take cameras for level if it is high."""
@@ -124,6 +128,11 @@ class Inspection:
         """Return `ops.round_feet` of silhouettes, None of others; shapes prefer bodies of revolution if it is high."""
         found = self._silhouettes()
         return None if found is None else round(round_feet(found), 2)
+
+    def narrowest(self) -> float | None:
+        """Return how wide the narrowest silhouettes are over their height, None of others."""
+        found = self._silhouettes()
+        return None if found is None else round(aspect(found, NARROW), 2)
 
     def _silhouettes(self) -> Tensor | None:
         """Return at most MAX_OUTLINES silhouettes, if there are any."""
@@ -140,6 +149,7 @@ class Inspection:
             "views": None if first is None or first.latents is None else list(first.latents),
             "level_outlines": self.level_outlines(),
             "round_feet": self.round_feet(),
+            "narrowest": self.narrowest(),
             "notes": [*self.notes],
             "not_read": {name: [*shape] for name, shape in self.unread.items()},
             "collections": {name: [len(found), *found.shape] for name, found in self.collections.items()},

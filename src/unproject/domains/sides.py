@@ -65,8 +65,7 @@ def side_findings(observations: Sequence[Observation], shares: Tensor, known: bo
     gauge = "" if known else " (up to a turn)"
     says = f"the sides {where}{gauge} were seen in {seen:.0%} of the pictures"
     says += ": they are mostly invented" if share >= UNSEEN[0] else f", and are {share:.0%} of all sides"
-    advice = "add pictures from there"
-    advice += "" if known else ", or lower --balance if there are none; if shapes are flat, try --inflated 10"
+    advice = "add pictures from there" if known else "add pictures from there, or lower --balance if there are none"
     return [Finding("sides", Score(share, how, CELLS), *UNSEEN, says if where else "all sides were seen", advice)]
 
 

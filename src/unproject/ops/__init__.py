@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .feet import round_feet
-from .framing import bounding_box, common_fill, common_height, framed, unit_sized
+from .framing import aspect, bounding_box, common_fill, common_height, framed, unit_sized
 from .hull import visual_hull
 from .limits import limited, penalised
 from .line_integrals import strip_integrals
@@ -20,6 +20,7 @@ from .widths import local_widths
 __all__ = [
     "absorption",
     "any_occupied",
+    "aspect",
     "bounding_box",
     "camera_frame",
     "common_fill",

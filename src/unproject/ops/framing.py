@@ -179,9 +179,26 @@ def common_height(silhouettes: Tensor, share: float = 0.9) -> float:
         >>> up.ops.common_height(masks)
         0.3
     """
+    return round(min(max(WIDEST / aspect(silhouettes, share), LEAST_HEIGHT), 0.85), 3)
+
+
+NARROW = 0.02
+"""The share of silhouettes that count as the narrowest: as many may be slivers that nobody meant."""
+
+
+def aspect(silhouettes: Tensor, share: float) -> float:
+    """Return how many times as wide as high a `share` of silhouettes (N, 1, H, W) is at most, by their boxes.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> masks = torch.zeros(4, 1, 32, 32)
+        >>> masks[..., 12:20, 4:28] = 1  # three times as wide as high
+        >>> masks[:2, ..., 12:] = 0  # the same width and height
+        >>> up.ops.aspect(masks, 0.25), up.ops.aspect(masks, 1.0)
+        (1.0, 3.0)
+    """
     box = bounding_box(silhouettes, thin=True)
-    aspect = torch.quantile(box.width / box.height, share).item()
-    return round(min(max(WIDEST / aspect, LEAST_HEIGHT), 0.85), 3)
+    return torch.quantile(box.width / box.height, share).item()
 
 
 def unit_sized(x: Tensor, side: float = 0.8) -> Tensor:

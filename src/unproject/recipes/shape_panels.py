@@ -23,7 +23,7 @@ from ..data.readers.paths import holds_shapes
 from ..data.sampling import spread_rows
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.feet import ROUND, round_feet
-from ..ops.framing import LEAST_HEIGHT, WIDEST, common_fill, common_height
+from ..ops.framing import LEAST_HEIGHT, NARROW, WIDEST, aspect, common_fill, common_height
 from ..ops.outlines import LEVEL, level_share
 from ..ops.thin_parts import level_of_thin_parts
 from ..projections.base import Projection
@@ -45,6 +45,19 @@ FEET = 256
 HELD_OUT, MOST_HELD_OUT = 0.1, 6554
 
 
+class Pictures(NamedTuple):
+    """A collection as its observations make pictures, and what their outlines tell.
+
+    Of silhouettes that were not rendered here `feet` is the share of round feet, else 0. `narrowest` is how wide the
+    narrowest pictures are over their height, infinity of volumes.
+    """
+
+    collection: Collection
+    observations: tuple[Observation, ...]
+    feet: float = 0.0
+    narrowest: float = math.inf
+
+
 class Weights(NamedTuple):
     """Of the preferences for full volumes, rectangular plans, variety, one piece, thickness and bodies of revolution.
 
@@ -60,34 +73,30 @@ class Weights(NamedTuple):
 
 
 def preferences(
-    views: Views,
-    weights: Weights,
-    observations: Sequence[Observation],
-    bands: int | None,
-    feet: float,
-    mirror: bool | Literal["z"],
+    views: Views, weights: Weights, pictures: Pictures, bands: int | None, mirror: bool | Literal["z"]
 ) -> Regulariser | None:
-    """Return the preferences whose weight is not zero; `feet` is the share of pictures that show a round foot.
+    """Return the preferences whose weight is not zero.
 
     Only in silhouettes hollow volumes look full, and only of unknown views any plans may be right: rectangles that
-    differ from one another and, across their plane of symmetry, are as thick as they look wide, or what is round.
+    differ from one another and, across their plane of symmetry, are as thick as they look wide and the narrowest
+    pictures allow, or what is round.
     Shapes that are seen in cropped pictures are kept in the middle: sideways by level cameras, by others from top to
     bottom too.
     """
     solid, rectilinear, varied, connected, inflated, axisymmetric = weights
     if axisymmetric is None:
-        axisymmetric = Axisymmetric().weight if feet > ROUND else 0.0
+        axisymmetric = Axisymmetric().weight if pictures.feet > ROUND else 0.0
     # All are made, so that a weight that makes no sense is refused whether or not it is used.
     full = [Solid(solid, solid / 10)] if solid else []
     rotated = [Axisymmetric(axisymmetric)] if axisymmetric else []
     boxes = [Rectilinear(rectilinear, 0.3 * rectilinear)] if rectilinear else []
     different = [Varied(varied)] if varied else []
-    thick = [Inflated(inflated)] if inflated else []
+    thick = [Inflated(inflated, pictures.narrowest)] if inflated else []
     terms: list[Regulariser] = [*full] if views != "direct" else []
     if views not in ("known", "direct"):
         terms += rotated or [*boxes, *different, *(thick if mirror else [])]
     terms += [Connected(connected)] if connected else []
-    if isinstance(observations[0].projection, Cropped):
+    if isinstance(pictures.observations[0].projection, Cropped):
         terms += [Centred(axes="xz" if bands in (None, 1) else "xyz")]
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
@@ -128,8 +137,8 @@ def pictures_of(
     views_per_shape: int,
     binary: bool,
     seed: int,
-) -> tuple[Collection, tuple[Observation, ...], float]:
-    """Return a collection as its observations make pictures, the observations, and the share of round feet.
+) -> Pictures:
+    """Return a collection as its observations make pictures, and what these tell.
 
     The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
     and volumes stay as they are. Cropped ones are read twice as large, since most become smaller.
@@ -139,9 +148,11 @@ def pictures_of(
     by_reader = data is not None and Path(data).is_dir() and not holds_shapes(Path(data))
     enlarged = ENLARGED if by_reader else 1
     collection = silhouettes_of(data, views, observations, views_per_shape, binary, seed, enlarged)
-    if collection.shape[0] != 1 or is_rendered(collection):
-        return collection, observations, 0.0
+    if collection.shape[0] != 1:
+        return Pictures(collection, observations)
     some = some_of(collection)
+    if is_rendered(collection):
+        return Pictures(collection, observations, narrowest=aspect(some, NARROW))
     if not bool((some > 0.5).any()):
         raise UserError(f"{collection.source}: no picture has anything above 0.5; silhouettes are 1 inside, 0 outside")
     if data is not None and by_reader and holds_materials(data):
@@ -151,16 +162,20 @@ def pictures_of(
             stacklevel=2,
         )
     if not by_reader and common_fill(some) is None:
-        return collection, observations, round_feet(some[spread_rows(len(some), FEET)])
+        return Pictures(collection, observations, *told_by(some))
     larger = collection if data is None or by_reader else read(data, size=ENLARGED * collection.shape[-1])
     some = some_of(larger)
     cropped = Cropped(silhouette, common_height(some))
     if cropped.height == LEAST_HEIGHT:
-        aspect = f"{WIDEST / LEAST_HEIGHT:.1f} times as wide as high"
-        warnings.warn(f"{larger.source}: many pictures are over {aspect}: they are cut at both sides", stacklevel=2)
+        wide = f"{WIDEST / LEAST_HEIGHT:.1f} times as wide as high"
+        warnings.warn(f"{larger.source}: many pictures are over {wide}: they are cut at both sides", stacklevel=2)
     cropped = replace(cropped, level=level_of_thin_parts(cropped.prepare(some)))
-    feet = round_feet(some[spread_rows(len(some), FEET)])
-    return mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), feet
+    return Pictures(mapped(larger, cropped.prepare), silhouette_views(cropped, bins, bands), *told_by(some))
+
+
+def told_by(silhouettes: Tensor) -> tuple[float, float]:
+    """Return the share of round feet, and the width of the narrowest over their height."""
+    return round_feet(silhouettes[spread_rows(len(silhouettes), FEET)]), aspect(silhouettes, NARROW)
 
 
 def some_of(collection: Collection) -> Tensor:

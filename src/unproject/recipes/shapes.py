@@ -62,7 +62,7 @@ def shapes(
     rectilinear: float = 1.0,
     varied: float = 0.1,
     connected: float = 3.0,
-    inflated: float = 0.0,
+    inflated: float = 10.0,
     axisymmetric: float | None = None,
     information: float = 0.0,
     rounds: int = 40,
@@ -106,8 +106,8 @@ def shapes(
             prefers different objects.
         connected: weight of the preference for shapes in one piece.
         inflated: weight of the preference for shapes that are as thick across their plane of symmetry as they look
-            wide, if views are not known and `mirror` is on. Pictures of one side do not tell, and boards match them; 10
-            made bodies of them, but flat things fat.
+            wide, but need not be thicker than the narrowest pictures are wide, if views are not known and `mirror` is
+            on. Pictures of one side do not tell, and boards match them.
         axisymmetric: weight of the preference for bodies of revolution, in place of those for rectangles, different
             proportions and thickness, if views are not known (default: 6 if most pictures of a folder or an
             array show a round foot, as `ops.round_feet` tells of cameras above the horizon; else 0).
@@ -126,10 +126,10 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
-    collection, seen, feet = pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
-    plane, level = mirror_of(mirror, views, collection), views != "direct" and bands in (None, 1)
+    found = pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
+    plane, level = mirror_of(mirror, views, found.collection), views != "direct" and bands in (None, 1)
     how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
-    panel = split_panel(views, bands, seen, collection, how, seed if augment else None, flips)
+    panel = split_panel(views, bands, found.observations, found.collection, how, seed if augment else None, flips)
     weights = Weights(solid, rectilinear, varied, connected, inflated, axisymmetric)
     return Recipe(
         generator=generator_of(panel.shape[-1], channels, rank, plane, hull=density if level else False),
@@ -138,7 +138,7 @@ def shapes(
         domain=Volumes(sized=not isinstance(panel.projection, Cropped)),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
-        regulariser=preferences(views, weights, seen, bands, feet, plane),
+        regulariser=preferences(views, weights, found, bands, plane),
         **falling_adams(rate),
         steps=steps_of(size),
         seed=seed,

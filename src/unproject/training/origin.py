@@ -125,7 +125,7 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
     older: dict[str, Any] = {"precision": "float32"}
     if function == "unproject.recipes.shapes:shapes":
         terms = json.dumps(resolved.get("regulariser"))
-        flags = ("rectilinear", "varied", "axisymmetric")
+        flags = ("rectilinear", "varied", "inflated", "axisymmetric")
         older |= {flag: 0.0 for flag in flags if flag.capitalize() not in terms}
     if "StationaryMaterials" in (generator := json.dumps(resolved.get("generator"))) and "cycles" not in generator:
         older["waves"] = False
