@@ -1,4 +1,4 @@
-"""Shapes of classes that are made of simple forms, photographed from a little above: round things, boxes and tools.
+"""Shapes of classes made of simple forms, photographed from a little above: round things, boxes, tools, flat fish.
 
     python benchmarks/forms.py --out RESULTS --minutes 10
     python benchmarks/forms.py --out RESULTS --classes mug lamp --seeds 0 1 --flags rectilinear=0
@@ -162,10 +162,23 @@ def stool(rng: Random) -> list[Part]:
     return [*legs, frustum(h, h + 0.08, r, r)]
 
 
+def fish(rng: Random) -> list[Part]:
+    """Flat, and longer than high: a body, a tail and a fin."""
+    long, high = rng.uniform(0.8, 1.3), rng.uniform(0.35, 0.6)
+    thick, tail, fin = high * rng.uniform(0.25, 0.5), high * rng.uniform(0.6, 1.1), rng.uniform(0.1, 0.25)
+    rise, around = np.linspace(-np.pi / 2, np.pi / 2, 13)[:, None], np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ball = np.stack(np.broadcast_arrays(np.cos(rise) * np.cos(around), np.sin(rise), np.cos(rise) * np.sin(around)), -1)
+    body = ball.reshape(-1, 3) * [long / 2, high / 2, thick / 2]
+    ends = [(-0.45 * long, 0.05), (-0.45 * long, -0.05), (-0.75 * long, tail / 2), (-0.75 * long, -tail / 2)]
+    tops = [(-0.2 * long, 0.4 * high), (0.15 * long, 0.45 * high), (-0.2 * long, high / 2 + fin)]
+    flat = [np.array([(x, y, z) for x, y in corners for z in (-0.02, 0.02)]) for corners in (ends, tops)]
+    return [body, *flat]
+
+
 CLASSES: dict[str, Callable[[Random], list[Part]]] = {
-    made.__name__: made for made in (mug, lamp, hammer, drawers, bottle, goblet, radio, bus, teapot, stool)
+    made.__name__: made for made in (mug, lamp, hammer, drawers, bottle, goblet, radio, bus, teapot, stool, fish)
 }
-CHOSEN_ON = ("mug", "lamp", "hammer", "drawers")
+CHOSEN_ON = ("mug", "lamp", "hammer", "drawers", "fish")
 """Classes that methods were chosen on; the others are run once, with what was chosen."""
 
 
@@ -240,6 +253,24 @@ def plan_of(x: Tensor) -> dict[str, float]:
     return {"plan": (along_x * along_z / (4 * area)).log().median().item(), "sides": sides.median().item()}
 
 
+def thickness_of(x: Tensor) -> float:
+    """Return the median over volumes (N, X, Y, Z) of t / d, of the axis, x or z, along which they are thinner.
+
+    Of a volume it is the median over places that look d voxels wide along the axis (`ops.local_widths`), at least
+    three, and are t thick there, from the first to the last voxel.
+    """
+    both = ((thin_along(full), thin_along(full.transpose(0, 2))) for full in x > 0.5)
+    return torch.stack([torch.minimum(*one) for one in both]).median().item()
+
+
+def thin_along(full: Tensor) -> Tensor:
+    """Return the median of t / d of a volume (X, Y, Z) along x; infinity if it is nowhere three voxels wide."""
+    extent = (full.cumsum(0) > 0) & (full.flip(0).cumsum(0).flip(0) > 0)
+    width = up.ops.local_widths(full.any(0)[None].float())[0]
+    wide = width >= 3
+    return (extent.sum(0)[wide] / width[wide]).median() if wide.any() else torch.tensor(math.inf)
+
+
 def run_arm(name: str, seed: int, minutes: float, flags: dict[str, Any], out: Path, label: str) -> dict[str, Any]:
     """Train and score one arm."""
     folder = prepare(name, out)
@@ -260,6 +291,8 @@ def run_arm(name: str, seed: int, minutes: float, flags: dict[str, Any], out: Pa
         "mmd_ratio": scores["mmd_iou"].value / own["mmd_iou"].value,
         "cov_ratio": scores["cov_iou"].value / own["cov_iou"].value,
         **plan_of(unit_sized(x)),
+        "thickness": thickness_of(x),
+        "true_thickness": thickness_of(train),
         **{f"true_{key}": value for key, value in plan_of(train).items()},
         "verdict": verdict.word,
         "says": verdict.line,
