@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from unproject._types import UserError
-from unproject.adversarial import Inflated
+from unproject.adversarial import Inflated, inflated
 from unproject.ops import local_widths
 
 N = 16
@@ -49,6 +49,14 @@ def test_it_is_its_formula(narrowest: float) -> None:
     torch.testing.assert_close(term, reference)
     assert term > 0.01
     torch.testing.assert_close(*(torch.autograd.grad(value, x)[0] for value in (term, reference)))
+
+
+def test_columns_that_are_left_out_count_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a GPU none is left out."""
+    some = Inflated(1.0)(board(2), 0.0)
+    monkeypatch.setattr(inflated, "_counted", lambda widths: torch.arange(len(widths)))
+    torch.testing.assert_close(Inflated(1.0)(board(2), 0.0), some)
+    assert some > 0
 
 
 def test_a_board_costs_what_it_lacks_and_a_block_nothing() -> None:

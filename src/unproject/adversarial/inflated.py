@@ -66,8 +66,14 @@ class Inflated:
         heights = (seen.amax(2) > 0.5).sum(1)[:, None, None].clamp_min(1)
         widths = torch.minimum(local_widths(seen), self.narrowest * heights)
         share = seen / (seen.sum((1, 2), keepdim=True) + TINY) / len(x) / x.shape[1]
-        wide = widths.flatten().nonzero()[:, 0]  # most columns are empty or thin, and cost nothing
+        wide = _counted(widths.flatten())
         columns = x.transpose(0, 1).flatten(1).index_select(1, wide)
         before, behind = columns.cumsum(0).clamp(max=1), columns.flip(0).cumsum(0).flip(0).clamp(max=1)
         short = (widths.flatten()[wide] - (before * behind).sum(0)).clamp_min(0)
         return self.weight * (share.flatten()[wide] * short).sum()
+
+
+def _counted(widths: Tensor) -> Tensor:
+    """Return the columns (N,) that may count: most are empty or thin. On a GPU all, as it would be waited for."""
+    on_processor = widths.device.type == "cpu"
+    return widths.nonzero()[:, 0] if on_processor else torch.arange(len(widths), device=widths.device)
