@@ -50,50 +50,58 @@ def largest_part(x: Tensor, level: float = 0.5) -> Tensor:
     return x.masked_fill(~keep, 0)
 
 
-def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.1) -> Tensor:
-    """Join the largest part to parts at most two voxels away, where the gap between them is not empty.
+def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int = 4) -> Tensor:
+    """Join the largest part to parts near it, where what lies between is not empty.
 
-    Of the voxels of such gaps (`floating_parts`) that are above `low`, connected sets that touch both the largest part
-    and another are raised above the level, p → level + (1 - level) p; then the same with the larger part that there is
-    now, until no more are joined. All other voxels stay as they are.
+    From the largest part to each other one the path over neighbours of least Σ (2 - p) is taken, through voxels above
+    `low`. If at most `gap` of its voxels are not above the level, and no more than the other part has voxels, these are
+    raised to halfway between the level and 1; then the same with the larger part that there is now, until no more are
+    joined. All other voxels stay as they are.
 
-    A silhouette is opaque where many thin layers lie behind one another, so that legs and backs may be there and yet
-    below the level for a voxel or two. To remove what is beyond such a gap would take the back from a chair.
+    A silhouette is opaque where many thin layers lie behind one another: 32 voxels of 0.02 absorb 72 % at a density of
+    2. So legs and backs may be seen and yet be below the level for a few voxels. To remove what is beyond such a gap
+    would take the back from a chair; a crumb of one voxel has to be one voxel away.
 
     Args:
         x: (..., X, Y, Z).
         level: parts are connected sets of voxels above it.
         low: what is above it counts as not empty.
+        gap: voxels of a path at most.
 
     Raises:
         UserError: for less than three axes.
 
     Examples:
         >>> import torch, unproject as up
-        >>> x = torch.tensor([1, 1, 0.3, 1, 0, 1]).reshape(1, 6, 1, 1)
+        >>> x = torch.tensor([1, 1, 1, 0.1, 0.3, 1, 1, 0, 1]).reshape(1, 9, 1, 1)
         >>> up.ops.joined_parts(x).flatten()
-        tensor([1.0000, 1.0000, 0.6500, 1.0000, 0.0000, 1.0000])
+        tensor([1.0000, 1.0000, 1.0000, 0.7500, 0.7500, 1.0000, 1.0000, 0.0000, 1.0000])
     """
-    raised = torch.zeros(x.shape, dtype=torch.bool)
-    above = [_each((x > height).cpu()).numpy() for height in (level, low)]
-    for found, occupied, soft in zip(_each(raised).numpy(), *above, strict=True):
-        while (bridges := _bridges(occupied, soft)).any():
+    raised, values = torch.zeros(x.shape, dtype=torch.bool), _each(x.detach().cpu().float()).numpy()
+    for found, occupied, p in zip(_each(raised).numpy(), _each((x > level).cpu()).numpy(), values, strict=True):
+        while (bridges := _bridges(occupied, p, low, gap)).any():
             found |= bridges
             occupied |= bridges
-    joined, raised = x.clone(), raised.to(x.device)
-    joined[raised] = (level + (1 - level) * x[raised]).to(x.dtype)
-    return joined
+    return x.masked_fill(raised.to(x.device), (1 + level) / 2)
 
 
-def _bridges(occupied: np.ndarray, soft: np.ndarray) -> np.ndarray:
-    """Find the soft voxels of gaps that join the largest part to another."""
+def _bridges(occupied: np.ndarray, p: np.ndarray, low: float, gap: int) -> np.ndarray:
+    """Find the voxels of paths that join the largest part to others."""
     numbers, voxels = number_parts(occupied)
-    if len(voxels) <= 2:
-        return np.zeros_like(occupied)
-    largest = numbers == voxels.argmax()
-    between, _ = number_parts(_between(largest, occupied & ~largest) & soft)
-    near_largest, near_another = (between[grown(part) & (between > 0)] for part in (largest, occupied & ~largest))
-    return np.isin(between, np.intersect1d(near_largest, near_another))
+    found = np.zeros_like(occupied)
+    if len(voxels) > 2:
+        from skimage.graph import MCP  # here, since it takes a third of a second to import
+
+        largest = numbers == voxels.argmax()
+        search = MCP(np.where(largest, 0, np.where(occupied | (p > low), 2 - p, -1)))
+        costs, _ = search.find_costs(np.argwhere(largest)[:1])
+        others = np.setdiff1d(np.flatnonzero(voxels), voxels.argmax())
+        for part, end in zip(others, ndimage.minimum_position(costs, numbers, others), strict=True):
+            if np.isfinite(costs[end]):
+                between = np.array([voxel for voxel in search.traceback(end) if not occupied[voxel]])
+                if len(between) <= min(gap, voxels[part]):
+                    found[tuple(between.T)] = True
+    return found
 
 
 def face_connected(x: Tensor, level: float = 0.5) -> Tensor:
