@@ -103,7 +103,7 @@ class Volumes(Domain):
         scores = self.checks(x, seed)
         whole, empty = scores["in_one_piece"], scores["empty"]
         pieces = f"{whole.value:.0%} of shapes are in one piece"
-        removed = "train longer; export removes parts that float"
+        removed = "train longer; export joins near parts and removes others"
         return [
             Finding("pieces", whole, *WHOLE, pieces, removed),
             Finding("empty", empty, *EMPTY, f"{empty.value:.0%} of shapes are empty", "train longer, or lower --rate"),
