@@ -1757,6 +1757,13 @@ PARTS = (
         "ops/test_parts.py::test_a_gap_that_is_empty_too_wide_or_longer_than_the_part_is_not_joined",
     ),
     mutant(
+        "parts: gaps are as many voxels in volumes of any size",
+        "ops/parts.py",
+        "max(4, max(x.shape[-3:], default=0) // 8)",
+        "4",
+        "ops/test_parts.py::test_gaps_of_large_volumes_may_be_an_eighth_of_their_side",
+    ),
+    mutant(
         "parts: gaps of any width are joined",
         "ops/parts.py",
         "min(gap, voxels[part])",

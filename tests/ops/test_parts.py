@@ -238,6 +238,12 @@ def test_a_gap_that_is_empty_too_wide_or_longer_than_the_part_is_not_joined() ->
     assert joined_parts(x > 0.5).dtype == torch.bool and torch.equal(joined_parts(x > 0.5), x > 0.5)
 
 
+def test_gaps_of_large_volumes_may_be_an_eighth_of_their_side() -> None:
+    x = torch.full((1, 1, 52, 1), 0.3)
+    x[..., :20, :], x[..., 26:33, :], x[..., 40:, :] = 1, 1, 1  # gaps of six and of seven voxels
+    assert len(groups(above(joined_parts(x)[0]), 1)) == 2
+
+
 @settings(deadline=None, max_examples=25)
 @given(volumes)
 def test_once_is_enough_each_volume_alone_and_nothing_is_added(x: Tensor) -> None:

@@ -50,7 +50,7 @@ def largest_part(x: Tensor, level: float = 0.5) -> Tensor:
     return x.masked_fill(~keep, 0)
 
 
-def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int = 4) -> Tensor:
+def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int | None = None) -> Tensor:
     """Join the largest part to parts near it, where what lies between is not empty.
 
     From the largest part to each other one the path over neighbours of least Σ (2 - p) is taken, through voxels above
@@ -66,7 +66,7 @@ def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int = 4)
         x: (..., X, Y, Z).
         level: parts are connected sets of voxels above it.
         low: what is above it counts as not empty.
-        gap: voxels of a path at most.
+        gap: voxels of a path at most (default: an eighth of the longest side, and at least four).
 
     Raises:
         UserError: for less than three axes.
@@ -77,6 +77,7 @@ def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int = 4)
         >>> up.ops.joined_parts(x).flatten()
         tensor([1.0000, 1.0000, 1.0000, 0.7500, 0.7500, 1.0000, 1.0000, 0.0000, 1.0000])
     """
+    gap = max(4, max(x.shape[-3:], default=0) // 8) if gap is None else gap
     raised, values = torch.zeros(x.shape, dtype=torch.bool), _each(x.detach().cpu().float()).numpy()
     for found, occupied, p in zip(_each(raised).numpy(), _each((x > level).cpu()).numpy(), values, strict=True):
         while (bridges := _bridges(occupied, p, low, gap)).any():
