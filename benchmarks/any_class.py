@@ -13,11 +13,12 @@ uniform around the circle. An arm is a class, a form, views and a seed:
 
 Each arm trains `shapes` on one thread for some minutes of CPU time, so that it matters little what runs beside, and is
 scored against held-out shapes: MMD and COV (1 - IoU, all shapes at one size, the gauge chosen on training shapes) over
-those of as many training shapes; MMD also of those held-out shapes alone of which there is no copy among the training
-shapes (IoU above 0.9, as ModelNet has many); the same of the visual hulls of training shapes, the best that level
-silhouettes can tell; the accuracy of views over that of a predictor trained on the true ones; the share of shapes in
-one piece; the verdict, which knows none of these. A line of JSON an arm is written to RESULTS/results.jsonl, an arm
-that is there with the same minutes and training shapes is left out, the table is printed at the end.
+those of as many training shapes; MMD also of samples as they are exported (near parts joined, others removed), and to
+those held-out shapes alone of which there is no copy among the training shapes (IoU above 0.9, as ModelNet has many);
+the same of the visual hulls of training shapes, the best that level silhouettes can tell; the accuracy of views over
+that of a predictor trained on the true ones; the share of shapes in one piece; the verdict, which knows none of these.
+A line of JSON an arm is written to RESULTS/results.jsonl, an arm that is there with the same minutes and training
+shapes is left out, the table is printed at the end.
 """
 
 from __future__ import annotations
@@ -169,6 +170,8 @@ def shapes_quality(run: up.Run, folder: Path, fixed: bool) -> dict[str, float]:
     x = run.sample(len(train), seed=1)
     made, bins = unit_sized(at_size(x)), None if fixed else BINS
     scores = shape_scores(made, test, selection=train[:100], bins=bins)
+    whole = unit_sized(at_size(run.domain.largest_part(x)))
+    exported = shape_scores(whole, test, selection=train[:100], bins=bins)["mmd_iou"].value
     new = test[~are_copied(test, train)]
     of_new = {}
     if len(new):
@@ -177,6 +180,7 @@ def shapes_quality(run: up.Run, folder: Path, fixed: bool) -> dict[str, float]:
     return {
         "mmd": scores["mmd_iou"].value,
         "mmd_ratio": scores["mmd_iou"].value / own["mmd_iou"].value,
+        "mmd_ratio_exported": exported / own["mmd_iou"].value,
         **of_new,
         "copied": 1 - len(new) / len(test),
         "cov_ratio": scores["cov_iou"].value / own["cov_iou"].value,
@@ -211,9 +215,9 @@ def at_size(x: Tensor) -> Tensor:
 def table(results: Sequence[dict[str, Any]]) -> str:
     """Return the results as a Markdown table; MMD / known is over that of known views of the same seed."""
     known = {arm_of(r): r["mmd"] for r in results if r["form"] == "known"}
-    names = ("class", "form", "seed", "minutes", "MMD / own (hulls)", "without copies", "COV / own (hulls)")
+    names = ("class", "form", "seed", "minutes", "MMD / own (hulls)", "exported", "without copies", "COV / own (hulls)")
     head = f"| {' | '.join(names)} | one piece | views / ceiling | MMD / known | verdict |"
-    lines = [head, "|---" * 11 + "|"]
+    lines = [head, "|---" * 12 + "|"]
     for r in sorted(results, key=lambda r: (r["class"], FORMS.index(r["form"]), r["seed"], budget_of(r))):
         views = f"{r['views_of_ceiling']:.2f}" if "views_of_ceiling" in r else ""
         base = known.get(arm_of(r))
@@ -221,6 +225,7 @@ def table(results: Sequence[dict[str, Any]]) -> str:
         lines.append(
             f"| {r['class']} | {r['form']} | {r['seed']} | {budget_of(r):g} "
             f"| {r['mmd_ratio']:.2f} ({r['mmd_of_hulls']:.2f}) "
+            f"| {r.get('mmd_ratio_exported', math.nan):.2f} "
             f"| {r.get('mmd_ratio_new', math.nan):.2f} "
             f"| {r['cov_ratio']:.2f} ({r['cov_of_hulls']:.2f}) "
             f"| {r['in_one_piece']:.2f} | {views} | {ratio} | {r.get('verdict', '')} |"
