@@ -1764,6 +1764,13 @@ PARTS = (
         "ops/test_parts.py::test_gaps_of_large_volumes_may_be_an_eighth_of_their_side",
     ),
     mutant(
+        "parts: of mirror images' paths one is taken",
+        "ops/parts.py",
+        "SLACK = 1e-3",
+        "SLACK = 0.0",
+        "ops/test_parts.py::test_a_symmetric_shape_stays_symmetric",
+    ),
+    mutant(
         "parts: gaps of any width are joined",
         "ops/parts.py",
         "min(gap, voxels[part])",
@@ -1773,8 +1780,8 @@ PARTS = (
     mutant(
         "parts: paths avoid what is nearly full",
         "ops/parts.py",
-        "2 - p, -1)))",
-        "1 + p, -1)))",
+        "np.where(occupied | (p > low), 2 - p, -1))\n",
+        "np.where(occupied | (p > low), 1 + p, -1))\n",
         "ops/test_parts.py::test_joined_parts_are_the_references",
     ),
     mutant(

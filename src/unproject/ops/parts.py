@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import torch
 from scipy import ndimage
@@ -10,6 +12,8 @@ from torch import Tensor
 from .._types import UserError
 
 _CORNERS = np.ones((3, 3, 3))
+SLACK = 1e-3
+"""What paths may cost more than the one of least cost and still be taken: mirror images differ by rounding."""
 
 
 def number_parts(occupied: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -55,8 +59,8 @@ def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int | No
 
     From the largest part to each other one the path over neighbours of least Σ (2 - p) is taken, through voxels above
     `low`. If at most `gap` of its voxels are not above the level, and no more than the other part has voxels, these are
-    raised to halfway between the level and 1; then the same with the larger part that there is now, until no more are
-    joined. All other voxels stay as they are.
+    raised to halfway between the level and 1, and those of all paths that cost as little, such as the mirror image's;
+    then the same with the larger part that there is now, until no more are joined. All other voxels stay as they are.
 
     A silhouette is opaque where many thin layers lie behind one another: 32 voxels of 0.02 absorb 72 % at a density of
     2. So legs and backs may be seen and yet be below the level for a few voxels. To remove what is beyond such a gap
@@ -94,15 +98,39 @@ def _bridges(occupied: np.ndarray, p: np.ndarray, low: float, gap: int) -> np.nd
         from skimage.graph import MCP  # here, since it takes a third of a second to import
 
         largest = numbers == voxels.argmax()
-        search = MCP(np.where(largest, 0, np.where(occupied | (p > low), 2 - p, -1)))
+        step = np.where(largest, 0, np.where(occupied | (p > low), 2 - p, -1))
+        search = MCP(step)
         costs, _ = search.find_costs(np.argwhere(largest)[:1])
         others = np.setdiff1d(np.flatnonzero(voxels), voxels.argmax())
         for part, end in zip(others, ndimage.minimum_position(costs, numbers, others), strict=True):
             if np.isfinite(costs[end]):
-                between = np.array([voxel for voxel in search.traceback(end) if not occupied[voxel]])
-                if len(between) <= min(gap, voxels[part]):
-                    found[tuple(between.T)] = True
-    return found
+                between = sum(not occupied[voxel] for voxel in search.traceback(end))
+                if between <= min(gap, voxels[part]):
+                    ends = np.argwhere((numbers == part) & (costs <= costs[end] + SLACK))
+                    found[tuple(np.transpose(_ways(costs, step, ends)))] = True
+    return found & ~occupied
+
+
+def _ways(costs: np.ndarray, step: np.ndarray, ends: np.ndarray) -> list[tuple[int, ...]]:
+    """Return the voxels of all paths to `ends` that cost at most SLACK more than the one of least cost.
+
+    Args:
+        costs: of the path of least cost to each voxel, itself included.
+        step: of each voxel.
+        ends: voxels (N, 3).
+    """
+    least = costs[tuple(ends.T)].min()
+    spare = {tuple(end): least + SLACK - costs[tuple(end)] for end in ends.tolist()}
+    edge = list(spare)
+    while edge:
+        voxel = edge.pop()
+        low, high = np.maximum(voxel, 1) - 1, np.minimum(np.array(voxel) + 2, costs.shape)
+        for before in product(*map(range, low, high)):
+            left = spare[voxel] - (costs[before] + step[voxel] - costs[voxel])
+            if costs[before] < costs[voxel] and left >= 0 and left > spare.get(before, -1):
+                spare[before] = left
+                edge.append(before)
+    return list(spare)
 
 
 def face_connected(x: Tensor, level: float = 0.5) -> Tensor:
