@@ -1766,9 +1766,23 @@ PARTS = (
     mutant(
         "parts: of mirror images' paths one is taken",
         "ops/parts.py",
-        "SLACK = 1e-3",
-        "SLACK = 0.0",
+        "_ROUNDING = 1e-5",
+        "_ROUNDING = 0.0",
         "ops/test_parts.py::test_a_symmetric_shape_stays_symmetric",
+    ),
+    mutant(
+        "parts: values above one cannot be passed",
+        "ops/parts.py",
+        "p.clip(max=1)",
+        "p",
+        "ops/test_parts.py::test_values_above_one_and_other_levels",
+    ),
+    mutant(
+        "parts: haze is filled",
+        "ops/parts.py",
+        "_ROUNDING = 1e-5",
+        "_ROUNDING = 1e-2",
+        "ops/test_parts.py::test_haze_is_not_filled",
     ),
     mutant(
         "parts: gaps of any width are joined",
@@ -1780,8 +1794,8 @@ PARTS = (
     mutant(
         "parts: paths avoid what is nearly full",
         "ops/parts.py",
-        "np.where(occupied | (p > low), 2 - p, -1))\n",
-        "np.where(occupied | (p > low), 1 + p, -1))\n",
+        "2 - p.clip(max=1)",
+        "1 + p.clip(max=1)",
         "ops/test_parts.py::test_joined_parts_are_the_references",
     ),
     mutant(

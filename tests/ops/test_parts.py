@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from heapq import heappop, heappush
 from itertools import product
 from math import inf
@@ -96,33 +95,13 @@ def test_floating_parts_and_gaps_are_the_references(x: Tensor) -> None:
             assert gaps[v] == (not inside and distance(v, largest) + distance(v, others) <= 3)
 
 
-def touch(a: Voxel, b: Voxel) -> bool:
-    return sum(abs(i - j) for i, j in zip(a, b, strict=True)) == 1
-
-
-def shortest(
-    start: set[Voxel], target: set[Voxel], cost: dict[Voxel, float], near: Callable[[Voxel, Voxel], bool] = touch
-) -> list[Voxel]:
-    """The cheapest path to one of some voxels, by Dijkstra's algorithm; none if there is no path."""
-    queue, reached = [(0.0, v, [v]) for v in start], set[Voxel]()
-    while queue:
-        so_far, v, path = heappop(queue)
-        if v in target:
-            return path
-        if v not in reached:
-            reached.add(v)
-            for other in (w for w in cost if w not in reached and near(v, w)):
-                heappush(queue, (so_far + cost[other], other, [*path, other]))
-    return []
-
-
 def adjoin(a: Voxel, b: Voxel) -> bool:
     return distance(a, {b}) == 1
 
 
-def costs_from(start: dict[Voxel, float], cost: dict[Voxel, float]) -> dict[Voxel, float]:
-    """The least sum of costs of the voxels on a path, its last included, to each voxel from some that cost so much."""
-    found, edge = dict(start), set(start)
+def costs_from(start: set[Voxel], cost: dict[Voxel, float]) -> dict[Voxel, float]:
+    """The least sum of costs of the voxels on a path, its last included, to each voxel that can be reached."""
+    found, edge = dict.fromkeys(start, 0.0), start
     while edge:
         reached = dict(found)
         for v in edge:
@@ -133,27 +112,20 @@ def costs_from(start: dict[Voxel, float], cost: dict[Voxel, float]) -> dict[Voxe
     return found
 
 
-def on_ways(start: set[Voxel], target: set[Voxel], cost: dict[Voxel, float]) -> set[Voxel]:
-    """The voxels of all paths that cost at most 0.001 more than the cheapest one."""
-    there = costs_from(dict.fromkeys(start, 0.0), cost)
-    back = costs_from({v: cost[v] for v in target}, cost)
-    least = min(there[v] for v in target if v in there)
-    return {v for v in there if v in back and there[v] + back[v] - cost[v] <= least + 1e-3}
-
-
 def joined(volume: Tensor, low: float = 0.02, gap: int = 4) -> Tensor:
-    """What `joined_parts` is to return: cheapest paths to the other parts are raised, until no more are short."""
+    """What `joined_parts` is to return: all paths of least cost to other parts are raised, until all others are far."""
     volume = volume.clone()
     while True:
         parts = groups(above(volume), 1)
         largest = max(parts, key=len, default=set[Voxel]())
-        outside = [v for v in everywhere(volume) if v not in largest and volume[v] > low]
-        cost = {v: 2 - volume[v].item() for v in outside} | dict.fromkeys(largest, 0.0)
-        raised = set[Voxel]()
-        for part in parts:
-            path = set(shortest(largest, part, cost, adjoin)) - set(above(volume))
-            if 0 < len(path) <= min(gap, len(part)):
-                raised |= on_ways(largest, part, cost) - set(above(volume))
+        cost = {v: 2 - volume[v].item() for v in everywhere(volume) if volume[v] > low} | dict.fromkeys(largest, 0.0)
+        there, raised = costs_from(largest, cost), set[Voxel]()
+        for part in (part for part in parts if part != largest):
+            least = min(there.get(v, inf) - cost[v] for v in part)
+            if least <= 2 * min(gap, len(part)):
+                back = costs_from(part, cost)
+                raised |= {v for v in there if there[v] + back[v] - cost[v] <= least + 1e-5}
+        raised -= set(above(volume))
         if not raised:
             return volume
         for v in raised:
@@ -181,6 +153,23 @@ def pieces_of(part: set[Voxel]) -> list[set[Voxel]]:
     return found
 
 
+def touch(a: Voxel, b: Voxel) -> bool:
+    return sum(abs(i - j) for i, j in zip(a, b, strict=True)) == 1
+
+
+def shortest(start: set[Voxel], target: Voxel, cost: dict[Voxel, float]) -> list[Voxel]:
+    """The cheapest path of faces to a voxel, by Dijkstra's algorithm."""
+    queue, reached = [(0.0, v, [v]) for v in start], set[Voxel]()
+    while True:
+        so_far, v, path = heappop(queue)
+        if v == target:
+            return path
+        if v not in reached:
+            reached.add(v)
+            for other in (w for w in cost if touch(v, w) and w not in reached):
+                heappush(queue, (so_far + cost[other], other, [*path, other]))
+
+
 def by_faces(volume: Tensor) -> Tensor:
     """What `face_connected` is to return."""
     volume = volume.clone()
@@ -192,7 +181,7 @@ def by_faces(volume: Tensor) -> Tensor:
             cost = {v: 2 - volume[v].item() for v in beside} | dict.fromkeys(part, 0.0)
             main = max(pieces, key=len)
             for piece in pieces:
-                raised |= {*shortest(main, {min(piece)}, cost)} - part
+                raised |= {*shortest(main, min(piece), cost)} - part
         if not raised:
             return volume
         for v in raised:
@@ -244,9 +233,9 @@ def test_a_back_behind_a_soft_gap_stays_and_a_crumb_does_not() -> None:
     chair = torch.zeros(12, 16, 12)
     chair[2:10, 4:7, 2:10], chair[2:10, 9:15, 8:10] = 0.9, 0.8
     chair[3, 7:9, 8], chair[8, 7:9, 8] = torch.tensor([0.4, 0.2]), torch.tensor([0.4, 0.01])  # one post, and a stump
-    chair[0, 15, 0] = 0.9
+    chair[5, 12, 5:8] = torch.tensor([0.9, 0.4, 0.4])  # a voxel that is two from the back
     found = largest_part(joined_parts(chair))
-    assert (found[2:10, 9:15, 8:10] == 0.8).all() and found[0, 15, 0] == 0
+    assert (found[2:10, 9:15, 8:10] == 0.8).all() and found[5, 12, 5] == 0
     assert (found[3, 7:9, 8] == 0.75).all() and found[8, 7, 8] == pytest.approx(0.4)
     assert (largest_part(chair)[2:10, 9:15, 8:10] == 0).all()
 
@@ -259,7 +248,7 @@ def test_a_gap_that_is_empty_too_wide_or_longer_than_the_part_is_not_joined() ->
         assert len(groups(above(joined_parts(x)[0]), 1)) == parts
     x[0] = 0
     x[0, :2], x[0, 7:10], x[0, 12, 1, 1] = 1, 1, 1  # gaps of five voxels, and of two before a crumb
-    x[0, 2:7], x[0, 10:12] = 0.4, 0.4
+    x[0, 2:7], x[0, 10:12] = 0.1, 0.4
     assert torch.equal(joined_parts(x), x)
     assert len(groups(above(joined_parts(x, gap=5)[0]), 1)) == 2
     assert joined_parts(x > 0.5).dtype == torch.bool and torch.equal(joined_parts(x > 0.5), x > 0.5)
@@ -273,8 +262,30 @@ def test_a_symmetric_shape_stays_symmetric() -> None:
     assert (found[3, 7:9, 8] == 0.75).all() and (found[8, 7:9, 8] == 0.75).all()
 
 
+def test_more_between_does_not_part_what_less_joins() -> None:
+    x = torch.zeros(1, 14, 7, 1)
+    x[0, :4, :3], x[0, 8:12, :3], x[0, 4:8, 0] = 1, 1, 0.03
+    assert len(groups(above(joined_parts(x)[0]), 1)) == 1
+    x[0, [3, 4, 5, 6, 7], [3, 4, 4, 4, 3]] = 0.5  # a fuller path of five
+    assert len(groups(above(joined_parts(x)[0]), 1)) == 1
+
+
+def test_haze_is_not_filled() -> None:
+    x = torch.rand(1, 12, 12, 12, generator=torch.Generator().manual_seed(0)) * 0.002 + 0.03
+    x[:, :4], x[:, 8:] = 1, 1
+    assert 0 < (joined_parts(x) == 0.75).sum() <= 12
+
+
+def test_values_above_one_and_other_levels() -> None:
+    for full in (1.0, 1.5, 2.0, 3.0):
+        x = torch.tensor([full, full, 0.25, full]).view(1, 4, 1, 1)
+        assert joined_parts(x).flatten().tolist() == [full, full, 0.75, full]
+        assert torch.equal(joined_parts(x, level=0.2), x)
+        assert joined_parts(x, level=0.3).flatten()[2] == pytest.approx(0.65)
+
+
 def test_gaps_of_large_volumes_may_be_an_eighth_of_their_side() -> None:
-    x = torch.full((1, 1, 52, 1), 0.3)
+    x = torch.full((1, 1, 52, 1), 0.1)
     x[..., :20, :], x[..., 26:33, :], x[..., 40:, :] = 1, 1, 1  # gaps of six and of seven voxels
     assert len(groups(above(joined_parts(x)[0]), 1)) == 2
 

@@ -12,8 +12,7 @@ from torch import Tensor
 from .._types import UserError
 
 _CORNERS = np.ones((3, 3, 3))
-SLACK = 1e-3
-"""What paths may cost more than the one of least cost and still be taken: mirror images differ by rounding."""
+_ROUNDING = 1e-5
 
 
 def number_parts(occupied: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,20 +56,21 @@ def largest_part(x: Tensor, level: float = 0.5) -> Tensor:
 def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int | None = None) -> Tensor:
     """Join the largest part to parts near it, where what lies between is not empty.
 
-    From the largest part to each other one the path over neighbours of least Σ (2 - p) is taken, through voxels above
-    `low`. If at most `gap` of its voxels are not above the level, and no more than the other part has voxels, these are
-    raised to halfway between the level and 1, and those of all paths that cost as little, such as the mirror image's;
-    then the same with the larger part that there is now, until no more are joined. All other voxels stay as they are.
+    A path from the largest part to another costs Σ (2 - p) over the voxels between, all of which are above `low`. The
+    paths of least cost are raised to halfway between the level and 1, if they cost at most 2 `gap`, and 2 for each
+    voxel of the other part: legs may be far, crumbs only near. Then the same with the larger part that there is now,
+    until no more are joined. All other voxels stay as they are.
 
     A silhouette is opaque where many thin layers lie behind one another: 32 voxels of 0.02 absorb 72 % at a density of
     2. So legs and backs may be seen and yet be below the level for a few voxels. To remove what is beyond such a gap
-    would take the back from a chair; a crumb of one voxel has to be one voxel away.
+    would take the back from a chair. All paths that cost the same are raised, so that what is symmetric stays so.
 
     Args:
-        x: (..., X, Y, Z).
+        x: (..., X, Y, Z), in [0, 1].
         level: parts are connected sets of voxels above it.
         low: what is above it counts as not empty.
-        gap: voxels of a path at most (default: an eighth of the longest side, and at least four).
+        gap: so many voxels of nearly nothing may lie between (default: an eighth of the longest side, and at least
+            four).
 
     Raises:
         UserError: for less than three axes.
@@ -84,53 +84,46 @@ def joined_parts(x: Tensor, level: float = 0.5, low: float = 0.02, gap: int | No
     gap = max(4, max(x.shape[-3:], default=0) // 8) if gap is None else gap
     raised, values = torch.zeros(x.shape, dtype=torch.bool), _each(x.detach().cpu().float()).numpy()
     for found, occupied, p in zip(_each(raised).numpy(), _each((x > level).cpu()).numpy(), values, strict=True):
-        while (bridges := _bridges(occupied, p, low, gap)).any():
+        step = np.where(occupied | (p > low), 2 - p.clip(max=1).astype(np.float64), -1)  # negative: impassable
+        while (bridges := _bridges(occupied, step, gap)).any():
             found |= bridges
             occupied |= bridges
     return x.masked_fill(raised.to(x.device), (1 + level) / 2)
 
 
-def _bridges(occupied: np.ndarray, p: np.ndarray, low: float, gap: int) -> np.ndarray:
-    """Find the voxels of paths that join the largest part to others."""
+def _bridges(occupied: np.ndarray, step: np.ndarray, gap: int) -> np.ndarray:
+    """Find the voxels of all paths of least cost that join the largest part to others, `step` being that of a voxel."""
     numbers, voxels = number_parts(occupied)
     found = np.zeros_like(occupied)
     if len(voxels) > 2:
         from skimage.graph import MCP  # here, since it takes a third of a second to import
 
         largest = numbers == voxels.argmax()
-        step = np.where(largest, 0, np.where(occupied | (p > low), 2 - p, -1))
-        search = MCP(step)
-        costs, _ = search.find_costs(np.argwhere(largest)[:1])
+        step = np.where(largest, 0, step)
+        costs, _ = MCP(step).find_costs(np.argwhere(largest)[:1])
+        before = costs - step  # of paths up to a voxel
         others = np.setdiff1d(np.flatnonzero(voxels), voxels.argmax())
-        for part, end in zip(others, ndimage.minimum_position(costs, numbers, others), strict=True):
-            if np.isfinite(costs[end]):
-                between = sum(not occupied[voxel] for voxel in search.traceback(end))
-                if between <= min(gap, voxels[part]):
-                    ends = np.argwhere((numbers == part) & (costs <= costs[end] + SLACK))
-                    found[tuple(np.transpose(_ways(costs, step, ends)))] = True
+        for part, least in zip(others, ndimage.minimum(before, numbers, others), strict=True):
+            if least <= 2 * min(gap, voxels[part]):
+                ends = np.argwhere((numbers == part) & (before <= least + _ROUNDING))
+                found[tuple(np.transpose(_backwards(costs, step, ends)))] = True
     return found & ~occupied
 
 
-def _ways(costs: np.ndarray, step: np.ndarray, ends: np.ndarray) -> list[tuple[int, ...]]:
-    """Return the voxels of all paths to `ends` that cost at most SLACK more than the one of least cost.
-
-    Args:
-        costs: of the path of least cost to each voxel, itself included.
-        step: of each voxel.
-        ends: voxels (N, 3).
-    """
-    least = costs[tuple(ends.T)].min()
-    spare = {tuple(end): least + SLACK - costs[tuple(end)] for end in ends.tolist()}
-    edge = list(spare)
+def _backwards(costs: np.ndarray, step: np.ndarray, ends: np.ndarray) -> list[tuple[int, ...]]:
+    """Return the voxels of all paths of least cost to voxels (N, 3), these too, up to where costs begin."""
+    found, edge = set[tuple[int, ...]](), {tuple(end) for end in ends.tolist()}
     while edge:
-        voxel = edge.pop()
-        low, high = np.maximum(voxel, 1) - 1, np.minimum(np.array(voxel) + 2, costs.shape)
-        for before in product(*map(range, low, high)):
-            left = spare[voxel] - (costs[before] + step[voxel] - costs[voxel])
-            if costs[before] < costs[voxel] and left >= 0 and left > spare.get(before, -1):
-                spare[before] = left
-                edge.append(before)
-    return list(spare)
+        found |= edge
+        edge = {
+            before
+            for voxel in edge
+            for before in product(
+                *(range(max(i - 1, 0), min(i + 2, n)) for i, n in zip(voxel, step.shape, strict=True))
+            )
+            if 0 < costs[before] <= costs[voxel] - step[voxel] + _ROUNDING
+        } - found
+    return list(found)
 
 
 def face_connected(x: Tensor, level: float = 0.5) -> Tensor:
