@@ -52,7 +52,7 @@ def run(
             materials keep the numbers.
         faces: The most triangles a mesh may have (glb, obj, ply); a warning says so where it has to have more.
         hull: Fill what no level view can see.
-        largest_part: Join parts of each shape that nearly touch, and keep the largest alone.
+        largest_part: Join near parts of each shape, and keep the largest alone.
         depth: Bits of the maps' PNG, or half or float EXR.
         fresnel: What the specular map means: see `unproject render --help`.
         eta: The index of refraction, for --fresnel eta.

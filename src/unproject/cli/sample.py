@@ -31,7 +31,7 @@ def run(
         out: the file to write.
         size: voxels a side of shapes, texels a side of materials: a multiple of what was trained (default: that). 128
             after 64 are shapes twice as fine; 1024 after 64 are materials that cover 16 times the side.
-        largest_part: join parts of shapes that nearly touch, and remove those that float.
+        largest_part: join near parts of shapes, and remove those that float.
         trust: import the generator's code although it is not of this package.
     """
     from .._files import naming

@@ -85,7 +85,7 @@ class Run:
         """Return n samples (n, ...) on the CPU; the same seed gives the same ones.
 
         Args:
-            largest_part: join parts of shapes that nearly touch (`ops.joined_parts`), remove those that float
+            largest_part: join parts of shapes near one another (`ops.joined_parts`), remove those that float
                 (`ops.largest_part`) and join by faces what is left (`ops.face_connected`); other samples stay as
                 they are.
             size: voxels or texels a side, for generators that make other sizes than their own too
