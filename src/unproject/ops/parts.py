@@ -12,7 +12,7 @@ from torch import Tensor
 from .._types import UserError
 
 _CORNERS = np.ones((3, 3, 3))
-_ROUNDING = 1e-5
+_ROUNDING = 1e-5  # of costs: mirror images of a path differ by less
 
 
 def number_parts(occupied: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
