@@ -112,6 +112,18 @@ def test_a_new_budget_takes_the_place_of_the_old(tmp_path: Path, monkeypatch: py
     assert load(run).step == 8
 
 
+def test_a_budget_that_is_over_before_the_first_step_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Trainer, "seconds", property(lambda trainer: 10.0 + trainer.state.counters.step))
+    run = tmp_path / "a run"
+    assert main(["train", TOY, "--minutes", "0.1", "--out", str(run)]) == 0 and load(run).step == 0
+    said = capsys.readouterr().out.strip().splitlines()[-1]
+    assert said == (
+        f"{run}: its budget was spent before the first step was done; unproject resume '{run}' --minutes 10 goes on"
+    )
+
+
 def test_ctrl_c_is_not_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     step, calls = Trainer.step, iter(range(1, 100))
 

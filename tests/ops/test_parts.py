@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heapq import heappop, heappush
+from collections.abc import Callable
 from itertools import product
 from math import inf
 
@@ -99,7 +99,13 @@ def adjoin(a: Voxel, b: Voxel) -> bool:
     return distance(a, {b}) == 1
 
 
-def costs_from(start: set[Voxel], cost: dict[Voxel, float]) -> dict[Voxel, float]:
+def touch(a: Voxel, b: Voxel) -> bool:
+    return sum(abs(i - j) for i, j in zip(a, b, strict=True)) == 1
+
+
+def costs_from(
+    start: set[Voxel], cost: dict[Voxel, float], adjoin: Callable[[Voxel, Voxel], bool] = adjoin
+) -> dict[Voxel, float]:
     """The least sum of costs of the voxels on a path, its last included, to each voxel that can be reached."""
     found, edge = dict.fromkeys(start, 0.0), start
     while edge:
@@ -153,25 +159,8 @@ def pieces_of(part: set[Voxel]) -> list[set[Voxel]]:
     return found
 
 
-def touch(a: Voxel, b: Voxel) -> bool:
-    return sum(abs(i - j) for i, j in zip(a, b, strict=True)) == 1
-
-
-def shortest(start: set[Voxel], target: Voxel, cost: dict[Voxel, float]) -> list[Voxel]:
-    """The cheapest path of faces to a voxel, by Dijkstra's algorithm."""
-    queue, reached = [(0.0, v, [v]) for v in start], set[Voxel]()
-    while True:
-        so_far, v, path = heappop(queue)
-        if v == target:
-            return path
-        if v not in reached:
-            reached.add(v)
-            for other in (w for w in cost if touch(v, w) and w not in reached):
-                heappush(queue, (so_far + cost[other], other, [*path, other]))
-
-
 def by_faces(volume: Tensor) -> Tensor:
-    """What `face_connected` is to return."""
+    """What `face_connected` is to return: all paths of least cost are raised, until each part is one piece."""
     volume = volume.clone()
     while True:
         parts = [(part, pieces_of(part)) for part in groups(above(volume), 1)]
@@ -179,9 +168,11 @@ def by_faces(volume: Tensor) -> Tensor:
         for part, pieces in parts:
             beside = [v for v in everywhere(volume) if v not in part and distance(v, part) == 1]
             cost = {v: 2 - volume[v].item() for v in beside} | dict.fromkeys(part, 0.0)
-            main = max(pieces, key=len)
+            there = costs_from(max(pieces, key=len), cost, touch)
             for piece in pieces:
-                raised |= {*shortest(main, min(piece), cost)} - part
+                back = costs_from(piece, cost, touch)
+                least = there[min(piece)] + 1e-5
+                raised |= {v for v in beside if v in there if there[v] + back[v] - cost[v] <= least}
         if not raised:
             return volume
         for v in raised:
@@ -260,6 +251,16 @@ def test_a_symmetric_shape_stays_symmetric() -> None:
     chair[3, 7:9, 8], chair[8, 7:9, 8] = 0.4, 0.4 - 1e-6
     found = joined_parts(chair)
     assert (found[3, 7:9, 8] == 0.75).all() and (found[8, 7:9, 8] == 0.75).all()
+
+
+@pytest.mark.parametrize("mirrored", [(0,), (1,), (2,), (0, 1, 2)])
+def test_what_is_joined_by_faces_stays_symmetric(mirrored: tuple[int, ...]) -> None:
+    x = torch.rand(4, 8, 8, 8, generator=torch.Generator().manual_seed(0)).square()
+    x = (x + x.flip([1 + axis for axis in mirrored])) / 2
+    x[:, 2:6, 2:6, 2:6] = 1  # the largest piece, and no other is as large
+    x = largest_part(x)
+    found = face_connected(x)
+    assert (found != x).any() and torch.equal(found, found.flip([1 + axis for axis in mirrored]))
 
 
 def test_more_between_does_not_part_what_less_joins() -> None:
@@ -368,6 +369,12 @@ def test_pictures_are_refused() -> None:
         largest_part(torch.zeros(4, 4))
     with pytest.raises(UserError, match="holds no volumes"):
         joined_parts(torch.zeros(4, 4))
+
+
+@pytest.mark.parametrize("shape", [(0, 4, 4, 4), (2, 0, 4, 4), (2, 4, 4, 0), (0, 0, 0), (0, 2, 3, 3, 3)])
+def test_empty_arrays_stay_as_they_are(shape: tuple[int, ...]) -> None:
+    for rule in (largest_part, joined_parts, face_connected):
+        assert rule(torch.zeros(shape)).shape == shape
 
 
 # Gaps

@@ -64,7 +64,8 @@ def run(
     release()
     finished = train(recipe, out, start=from_, device=device, quiet=quiet, log=log)
     if not finished.step:
-        say(f"{out}: stopped before the first step was done; unproject resume {out} starts again")
+        why, more = ("its budget was spent", " --minutes 10") if finished.complete else ("stopped", "")
+        say(f"{out}: {why} before the first step was done; unproject resume {shlex.quote(str(out))}{more} goes on")
         return
     warn_if_empty(finished.domain, finished.sample(finished.domain.previewed))
     stopped = "" if finished.complete else f" (stopped; unproject resume {shlex.quote(str(out))} continues)"

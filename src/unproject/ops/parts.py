@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import torch
 from scipy import ndimage
@@ -12,6 +10,8 @@ from torch import Tensor
 from .._types import UserError
 
 _CORNERS = np.ones((3, 3, 3))
+_NEIGHBOURS = np.argwhere(_CORNERS) - 1
+_BY_FACES = _NEIGHBOURS[np.abs(_NEIGHBOURS).sum(1) == 1]
 _ROUNDING = 1e-5  # of costs: mirror images of a path differ by less
 
 
@@ -106,32 +106,37 @@ def _bridges(occupied: np.ndarray, step: np.ndarray, gap: int) -> np.ndarray:
         for part, least in zip(others, ndimage.minimum(before, numbers, others), strict=True):
             if least <= 2 * min(gap, voxels[part]):
                 ends = np.argwhere((numbers == part) & (before <= least + _ROUNDING))
-                found[tuple(np.transpose(_backwards(costs, step, ends)))] = True
+                found |= _backwards(costs, step, ends, _NEIGHBOURS)
     return found & ~occupied
 
 
-def _backwards(costs: np.ndarray, step: np.ndarray, ends: np.ndarray) -> list[tuple[int, ...]]:
-    """Return the voxels of all paths of least cost to voxels (N, 3), these too, up to where costs begin."""
-    found, edge = set[tuple[int, ...]](), {tuple(end) for end in ends.tolist()}
-    while edge:
-        found |= edge
-        edge = {
-            before
-            for voxel in edge
-            for before in product(
-                *(range(max(i - 1, 0), min(i + 2, n)) for i, n in zip(voxel, step.shape, strict=True))
-            )
-            if 0 < costs[before] <= costs[voxel] - step[voxel] + _ROUNDING
-        } - found
-    return list(found)
+def _backwards(costs: np.ndarray, step: np.ndarray, ends: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """Find the voxels of all paths of least cost to voxels `ends` (N, 3), these too, up to where steps cost nothing.
+
+    Args:
+        costs, step: (X, Y, Z), of the cheapest path to each voxel, its own step among them, and of that step.
+        ends: indices (N, 3).
+        neighbours: offsets (K, 3) of the voxels that may come before.
+    """
+    found = np.zeros(step.shape, dtype=bool)
+    while len(ends):
+        at = tuple(ends.T)
+        found[at] = True
+        least = (costs[at] - step[at]).repeat(len(neighbours))
+        before = (ends[:, None] + neighbours).reshape(-1, 3)
+        inside = ((before >= 0) & (before < step.shape)).all(1)
+        before, least = before[inside], least[inside]
+        at = tuple(before.T)
+        ends = np.unique(before[(step[at] > 0) & (costs[at] <= least + _ROUNDING) & ~found[at]], axis=0)
+    return found
 
 
 def face_connected(x: Tensor, level: float = 0.5) -> Tensor:
     """Join by faces what touches in edges or corners alone, since surfaces part there and meshes lose what is beyond.
 
     In each part, pieces that are connected by faces are joined to the largest of them, along paths of faces with the
-    least Σ (2 - p) over voxels that adjoin the part: those of the paths are raised to halfway between the level and 1.
-    All other voxels stay as they are.
+    least Σ (2 - p) over voxels that adjoin the part: those of all such paths are raised to halfway between the level
+    and 1. All other voxels stay as they are.
 
     Args:
         x: (..., X, Y, Z).
@@ -156,34 +161,34 @@ def face_connected(x: Tensor, level: float = 0.5) -> Tensor:
 
 
 def _paths(occupied: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Find the voxels of paths that join the pieces of each part by faces."""
+    """Find the voxels of all paths of least cost that join the pieces of each part by faces."""
     parts, _ = number_parts(occupied)
     pieces, _ = ndimage.label(occupied)  # pyright: ignore[reportGeneralTypeIssues]
-    firsts = np.unravel_index(np.unique(pieces, return_index=True)[1], pieces.shape)  # 0 is among them
     found = np.zeros_like(occupied)
-    for part in range(1, parts.max() + 1):
-        inside = parts == part
-        voxels = np.bincount(pieces[inside])
+    for part, box in enumerate(ndimage.find_objects(parts), 1):
+        box = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)
+        inside = parts[box] == part
+        voxels = np.bincount(pieces[box][inside])
         if np.count_nonzero(voxels) > 1:
             from skimage.graph import MCP  # here, since it takes a third of a second to import
 
-            search = MCP(np.where(inside, 0, np.where(grown(inside) & ~occupied, 2 - p, -1)), fully_connected=False)
-            search.find_costs(np.argwhere(pieces == voxels.argmax()))
-            for piece in np.flatnonzero(voxels):
-                path = search.traceback([first[piece] for first in firsts])
-                found[tuple(np.transpose(path))] = True
+            largest = inside & (pieces[box] == voxels.argmax())
+            step = np.where(inside, 0, np.where(grown(inside) & ~occupied[box], 2 - p[box].astype(np.float64), -1))
+            costs, _ = MCP(step, fully_connected=False).find_costs(np.argwhere(largest)[:1])
+            # Paths through other pieces are those of these pieces, and from these on.
+            found[box] |= _backwards(costs, step, np.argwhere(inside & ~largest), _BY_FACES)
     return found & ~occupied
 
 
 def _each(x: Tensor) -> Tensor:
-    """Return (..., X, Y, Z) as (N, X, Y, Z), a view if x is contiguous.
+    """Return (..., X, Y, Z) as (N, X, Y, Z), a view if x is contiguous; without voxels there are no volumes.
 
     Raises:
         UserError: for less than three axes.
     """
     if x.dim() < 3:
         raise UserError(f"an array of shape {tuple(x.shape)} holds no volumes: give (N, X, Y, Z)")
-    return x.reshape(-1, *x.shape[-3:])
+    return x.reshape(-1, *x.shape[-3:]) if x.numel() else x.new_empty(0, 1, 1, 1)
 
 
 def _distance(mask: np.ndarray) -> np.ndarray:
