@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json as json_format
 from typing import TYPE_CHECKING, Any
 
 from .._objects import find_object
@@ -71,8 +72,6 @@ def _table(results: dict[str, list[LawResult]]) -> str:
 
 
 def _json(where: str, results: dict[str, list[LawResult]]) -> str:
-    import json
-
     parts = {name: [law._asdict() for law in laws] for name, laws in results.items()}
     passed = all(law.passed for laws in results.values() for law in laws)
-    return json.dumps({"object": where, "passed": passed, "parts": parts})
+    return json_format.dumps({"object": where, "passed": passed, "parts": parts})

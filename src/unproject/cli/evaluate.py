@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json as json_module
+import json as json_format
 import sys
 from collections import Counter
 from collections.abc import Mapping
@@ -86,7 +86,7 @@ def run(
     verdict = verdict_of(opened, seed)
     if json:
         all_scores = scores | (verdict.scores() if verdict else {})
-        print(json_module.dumps({name: asdict(score) for name, score in all_scores.items()}, indent=1))
+        print(json_format.dumps({name: asdict(score) for name, score in all_scores.items()}, indent=1))
         return
     print(table(scores))
     if verdict is not None:
