@@ -4124,6 +4124,13 @@ ANY_CLASS = (
         "adversarial/test_inflated.py",
     ),
     mutant(
+        "inflated: haze is filled",
+        "adversarial/inflated.py",
+        "(1 - 2 * torch.exp",
+        "(1 - torch.exp",
+        "adversarial/test_inflated.py::test_haze_is_not_filled",
+    ),
+    mutant(
         "inflated: small silhouettes weigh less",
         "adversarial/inflated.py",
         "share = seen / (seen.sum((1, 2), keepdim=True) + TINY) / len(x)",
@@ -4133,7 +4140,7 @@ ANY_CLASS = (
     mutant(
         "inflated: the frame is as high as the shape",
         "adversarial/inflated.py",
-        "heights = (seen.amax(2) > 0.5).sum(1)[:, None, None].clamp_min(1)",
+        "heights = (seen.amax(2) > 0).sum(1)[:, None, None].clamp_min(1)",
         "heights = seen.shape[1]",
         "adversarial/test_inflated.py::test_nothing_need_be_thicker_than_the_narrowest_pictures_are_wide",
     ),

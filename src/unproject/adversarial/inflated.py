@@ -17,8 +17,9 @@ from .regularisers import TINY
 class Inflated:
     """w E[Σ m (min(d, a h) - t)₊ / (X Σ m)]: prefer shapes that are as thick along x as they look wide from there.
 
-    m = 1 - exp(-density Σ_x p) is the silhouette along x, d its local width (`ops.local_widths`), h its height, and t
-    the extent along x, from the first to the last full voxel: Σ_x min(1, Σ_{x' ≤ x} p) min(1, Σ_{x' ≥ x} p). m, d and h
+    m = (1 - 2 exp(-density Σ_x p))₊ is the silhouette along x, without haze: what absorbs less than half of the light
+    may be on its way out, and is not to be filled. d is its local width (`ops.local_widths`), h its height, and t the
+    extent along x, from the first to the last full voxel: Σ_x min(1, Σ_{x' ≤ x} p) min(1, Σ_{x' ≥ x} p). m, d and h
     have no gradient: thin places become thicker, and wide ones not narrower.
 
     If pictures show objects from one side alone, nothing in them tells how thick these are across their plane of
@@ -62,8 +63,8 @@ class Inflated:
     def __call__(self, x: Tensor, progress: float) -> Tensor:
         """Return the term of volumes x (B, X, Y, Z), whatever is spent of the budget."""
         x = x[: self.volumes]
-        seen = 1 - torch.exp(-self.density * x.detach().sum(1))
-        heights = (seen.amax(2) > 0.5).sum(1)[:, None, None].clamp_min(1)
+        seen = (1 - 2 * torch.exp(-self.density * x.detach().sum(1))).clamp_min(0)
+        heights = (seen.amax(2) > 0).sum(1)[:, None, None].clamp_min(1)
         widths = torch.minimum(local_widths(seen), self.narrowest * heights)
         share = seen / (seen.sum((1, 2), keepdim=True) + TINY) / len(x) / x.shape[1]
         wide = _counted(widths.flatten())
