@@ -132,7 +132,7 @@ def trained(case: Case, runs: Path) -> tuple[Run, Recipe]:
     place = folder / "run"
     if not list(place.glob("checkpoints/*.safetensors")):
         finished(train(recipe, place, device="cpu", quiet=True))
-    return load(place), recipe
+    return load(place, recipe=recipe), recipe
 
 
 def truth(run: Run, case: Case) -> float:

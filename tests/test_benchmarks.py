@@ -318,6 +318,16 @@ def test_real_masks_are_trained_with_default_flags(
     assert called[0][3:] == ["train", "shapes", "--data", data, "--minutes", "5", "--out", out, "--threads", "1"]
 
 
+def test_verdicts_judge_runs_of_their_own(named: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    verdicts = named("verdicts")  # type: ignore[operator]
+    monkeypatch.setattr(verdicts, "STEPS", 2)
+    monkeypatch.setattr(verdicts, "SHAPES", 8)
+    (birds,) = [case for case in verdicts.CASES if case.name == "birds"]
+    found = verdicts.row(birds, tmp_path)
+    assert found["word"] == "failed" and found["truth"] > verdicts.GOOD
+    assert "1 of 1 right" in verdicts.table([found])
+
+
 def test_minutes_hold_masks_out_and_draw_curves(named: object, small: None, tmp_path: Path) -> None:
     (tmp_path / "silhouettes").mkdir()
     np.savez(tmp_path / "silhouettes" / "bird_cub_aves_64.npz", sil=discs(24))

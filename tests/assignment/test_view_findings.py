@@ -17,10 +17,10 @@ from unproject.projections.silhouette import Silhouette, azimuth_bins
 K = 8
 
 
-def probabilities(certainty: float, n: int = 64) -> Tensor:
-    """Each view equally often, each time with this probability and the rest shared evenly."""
+def probabilities(certainty: float, n: int = 64, used: int = K) -> Tensor:
+    """The first views that are used equally often, each time with this probability and the rest shared evenly."""
     p = torch.full((n, K), (1 - certainty) / (K - 1))
-    p[torch.arange(n), torch.arange(n) % K] = certainty
+    p[torch.arange(n), torch.arange(n) % used] = certainty
     return p
 
 
@@ -47,6 +47,21 @@ def words(real: float, generated: float) -> dict[str, str]:
 
 def test_views_are_found_if_pictures_tell_them() -> None:
     assert words(0.95, 0.95) == {"views": "good", "world": "good"}
+
+
+def test_pictures_from_few_sides_have_less_to_tell() -> None:
+    """Of two views alone ln 2 at most, which is less than 0.4 of ln 8."""
+    few = probabilities(0.98, used=2)
+    assert information(few) < 0.4 * math.log(K)
+    assert [f.word for f in view_findings(few, probabilities(0.98))] == ["good", "good"]
+    unsure = probabilities(0.3, used=2)
+    assert [f.word for f in view_findings(unsure, probabilities(0.98))] == ["doubtful", "failed"]
+
+
+def test_views_of_pictures_that_are_all_of_one_are_not_found() -> None:
+    one = probabilities(0.999, used=1)
+    one[0] = one[0].flip(0)  # but for one of them
+    assert [f.word for f in view_findings(one, one)] == ["doubtful"]
 
 
 def test_little_information_in_both_is_not_decided() -> None:

@@ -13,14 +13,22 @@ import torch
 from PIL import Image
 from toy import BINS, CHAIRS, SIZE, only_panel, toy
 
-from unproject.assignment import Panel
+from unproject.assignment import Panel, Predicted
 from unproject.cli import main
 from unproject.data import Collection, chairs
 from unproject.domains import Volumes
 from unproject.metrics import Finding, Score
 from unproject.training import Run, Verdict, resume, train
 from unproject.training import verdict as module
-from unproject.training.verdict import MOST_NEAR, are_near, evidence, held_out_images, held_out_near, judge
+from unproject.training.verdict import (
+    MOST_NEAR,
+    are_near,
+    evidence,
+    held_out_images,
+    held_out_near,
+    judge,
+    panel_findings,
+)
 
 RECIPE = toy(steps=2)
 TOY = f"{Path(__file__).parent / 'toy.py'}:toy"
@@ -101,6 +109,21 @@ def test_held_out_pictures_are_used_if_there_are_any() -> None:
     black = Collection(torch.zeros(12, 1, SIZE, SIZE))
     images, rows = held_out_images(replace(panel, held_out=black), 0)
     assert sorted(rows.tolist()) == list(range(12)) and len(images) == 12 and not images.any()
+
+
+@pytest.mark.parametrize("held_out, looked_at", [(9, 128), (150, 150)])
+def test_views_are_judged_by_training_pictures_too_if_few_are_held_out(
+    held_out: int, looked_at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    some, more = Collection(torch.rand(held_out, 1, SIZE, SIZE)), Collection(torch.rand(200, 1, SIZE, SIZE))
+    panel = Panel(only_panel(RECIPE).observations, more, Predicted(), held_out=some)
+    state = panel.assignment.begin(panel, 0)
+    seen: list[torch.Tensor] = []
+    monkeypatch.setattr(type(state), "findings", lambda self, real, generated: seen.append(real) or [])
+    x = chairs(4, SIZE)
+    panel_findings(Volumes(), state, x, 0)
+    assert len(seen[0]) == looked_at
+    assert torch.equal(seen[0][:held_out], held_out_images(panel, 0)[0])
 
 
 def test_pictures_of_the_same_object_are_near() -> None:

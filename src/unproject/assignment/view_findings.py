@@ -1,6 +1,10 @@
 """What a view predictor's probabilities say: whether views are found, and whether the world is an artificial one.
 
-    I(k; y) = H(mean q) - mean H(q), nats,      of held-out pictures and of the generator's own projections
+    I(k; y) = H(mean q) - mean H(q), nats,      of pictures and of the generator's own projections
+    U = I(k; y) / H(mean q)                     what a picture tells of its view, as a share of what there is to tell
+
+Photographs are taken from some sides more than from others, and then there is less to tell than log K nats. (U is the
+uncertainty coefficient of Theil 1970.)
 
 Little information in both: views were not found, or objects look alike from all sides; pictures cannot tell which. Much
 in the projections and less in pictures: generated shapes are more telling than real ones are.
@@ -19,9 +23,9 @@ from ..metrics import Finding, Score
 from ..ops.outlines import mirror_iou
 
 FOUND = 0.4
-"""Share of log K nats that pictures hold at least, if views are found."""
+"""The least U of pictures whose views are found."""
 WORLD = (0.75, 0.5)
-"""Levels of the information of pictures over that of projections (doubtful, failed)."""
+"""Levels of the U of pictures over that of projections (doubtful, failed)."""
 
 
 MIRRORED = 0.95
@@ -48,9 +52,14 @@ def chance(n: int, views: int) -> float:
     return (views - 1) / (2 * n)
 
 
+def to_tell(p: Tensor) -> float:
+    """Return what there is to tell, H(mean p) of the probabilities p (N, K), nats: as of two views at least."""
+    return max(entropy(p.mean(0)).item(), math.log(2))
+
+
 def are_found(p: Tensor) -> bool:
     """Whether views are found, by the probabilities p (N, K) of real pictures."""
-    return information(p) >= FOUND * math.log(p.shape[1])
+    return information(p) >= FOUND * to_tell(p)
 
 
 def view_findings(real: Tensor, generated: Tensor, silhouettes: Tensor | None = None) -> list[Finding]:
@@ -59,20 +68,21 @@ def view_findings(real: Tensor, generated: Tensor, silhouettes: Tensor | None = 
     Args:
         silhouettes: (M, 1, H, W), the real pictures if they are silhouettes.
     """
-    of_real, of_generated, most = information(real), information(generated), math.log(real.shape[1])
+    of_real, most, count = information(real), to_tell(real), real.shape[1]
     how = (
-        f"nats of log {real.shape[1]} = {most:.2f}, {len(real)} pictures; {of_generated:.2f} in {len(generated)} "
-        f"projections of samples; chance {chance(len(real), real.shape[1]):.2f}"
+        f"nats of {most:.2f}, the entropy of the views of {len(real)} pictures; {information(generated):.2f} of "
+        f"{to_tell(generated):.2f} in {len(generated)} projections of samples; log {count} = {math.log(count):.2f}, "
+        f"chance {chance(len(real), count):.2f}"
     )
     lost = "views are not found, or objects look alike from all sides; pictures cannot tell which"
     says = f"views are found ({of_real:.2f} of {most:.2f} nats)" if are_found(real) else lost
     advice = "train longer, try another --seed, or give known views"
     found = [Finding("views", Score(of_real, how, len(real)), FOUND * most, -math.inf, says, advice)]
-    telling = of_generated >= FOUND * most
+    telling = are_found(generated)
     mirrored = None if silhouettes is None else mirror_iou(silhouettes).median().item()
     if mirrored is not None and mirrored >= MIRRORED and telling:
         found = [mirror_finding(mirrored, len(real)), *found]
-    return found + ([world_finding(of_real, of_generated, len(real))] if telling else [])
+    return found + ([world_finding(real, generated)] if telling else [])
 
 
 def mirror_finding(mirrored: float, n: int) -> Finding:
@@ -83,11 +93,12 @@ def mirror_finding(mirrored: float, n: int) -> Finding:
     return Finding("mirror", score, MIRRORED, math.inf, says, advice)
 
 
-def world_finding(of_real: float, of_generated: float, n: int) -> Finding:
+def world_finding(real: Tensor, generated: Tensor) -> Finding:
     """Judge whether generated shapes are more telling of views than real pictures are."""
+    of_real, of_generated = (information(p) / to_tell(p) for p in (real, generated))
     ratio = of_real / of_generated
-    how = f"information of pictures over that of projections of samples, {of_generated:.2f} nats"
+    how = f"share of the entropy of views that pictures tell, over that of projections of samples, {of_generated:.2f}"
     few = "" if ratio > WORLD[0] else "only "
     says = f"pictures hold {few}{ratio:.0%} of the view information of generated ones"
     says += ": shapes are probably wrong" if few else ""
-    return Finding("world", Score(ratio, how, n), *WORLD, says, "train longer, or try another --seed")
+    return Finding("world", Score(ratio, how, len(real)), *WORLD, says, "train longer, or try another --seed")

@@ -29,6 +29,8 @@ NEAR, MOST_NEAR = 64, 0.125
 """Training pictures this close in their collection's order, and at most this share, may show the same object."""
 SAID = 2
 """Findings that the line of a bad verdict names."""
+VIEWED = 128
+"""Pictures that views are judged by, at least: to those held out training pictures are added."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,9 @@ def panel_findings(domain: Domain, state: AssignmentState, x: Tensor, seed: int)
     seen = evidence(state, x, seed)
     if not seen.is_enough:
         return [few_finding(seen, seed)]
-    found = state.findings(seen.real, seen.generated) + domain.picture_findings(seen, seed)
-    shares = state.view_shares(torch.cat([seen.real, seen.others]))  # those held out may be few
+    every = torch.cat([seen.real, seen.others])
+    found = state.findings(every[: max(VIEWED, len(seen.real))], seen.generated) + domain.picture_findings(seen, seed)
+    shares = state.view_shares(every)
     if shares is not None:
         found += domain.side_findings(state.panel.observations, shares, state.fixes_gauge)
     return found
