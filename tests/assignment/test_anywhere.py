@@ -22,11 +22,11 @@ from unproject.projections.silhouette import Silhouette, azimuth_bins
 BINS, SIZE, IMAGES = 6, 16, 3000
 
 
-def panel(anywhere: float | None, **estimator: Any) -> Panel:
+def panel(anywhere: float | None, held_out: Collection | None = None, **estimator: Any) -> Panel:
     images = Collection(torch.rand(IMAGES, 1, SIZE, SIZE, generator=generator_at(0)))
     fit = PredictorFit(partial(ViewPredictor, channels=4))
     assignment = JointlyPredicted(Rounds((0.5,)), fit, Estimator("posterior", anywhere=anywhere, **estimator), weight=0)
-    return Panel(azimuth_bins(BINS, Silhouette(size=SIZE)), images, assignment)
+    return Panel(azimuth_bins(BINS, Silhouette(size=SIZE)), images, assignment, held_out=held_out)
 
 
 def assigned(anywhere: float | None, seed: int = 3, **estimator: Any) -> PredictedState:
@@ -102,6 +102,18 @@ def test_a_round_that_finds_the_same_clusters_leaves_the_heads() -> None:
         state._assign(run, p, None, seed)
         heads.append(state.heads.clone())
     assert all(torch.equal(again, heads[0]) for again in heads) and heads[0].unique().tolist() == [0, 1, 2]
+
+
+def test_held_out_images_are_judged_by_the_same_heads() -> None:
+    """By as large a share: else logits of both would differ by the offset of that head, which losses leave free."""
+    made = panel(0.25, Collection(torch.rand(2000, 1, SIZE, SIZE, generator=generator_at(1))))
+    state = made.assignment.begin(made, 0)
+    assert isinstance(state, PredictedState)
+    heads = torch.arange(IMAGES + 2000) % 2
+    state._take(heads, heads, None, 3)
+    for found in (state.heads, state.held_out_heads):
+        assert (found == BINS).float().mean().item() == pytest.approx(0.25, abs=0.04)
+        assert set(found.tolist()) == {0, 1, BINS}
 
 
 def test_the_predictor_learns_the_views_that_samples_have() -> None:

@@ -87,6 +87,14 @@ def test_grey_pictures_are_warped_as_they_are() -> None:
     assert stranger.float().mean() > 0.9
 
 
+def test_warped_photographs_have_no_rims() -> None:
+    """Training pictures have none, so that rims would tell warped ones."""
+    bright = torch.full((16, 3, 32, 32), 0.8)
+    torch.testing.assert_close(warped(bright, torch.Generator().manual_seed(0), masks=False), bright)
+    full = torch.ones(16, 1, 32, 32)
+    assert (warped(full, torch.Generator().manual_seed(0), masks=True) == 0).any()
+
+
 def test_components_of_many_pictures_are_nearly_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = torch.Generator().manual_seed(3)
     pictures = torch.randn(200, 60, generator=rng) / torch.arange(1, 61) @ torch.randn(60, 1024, generator=rng)

@@ -203,6 +203,18 @@ def test_wrong_mixtures_are_refused(parts: list[Prior], weights: list[float] | N
         Mixture(parts, weights)
 
 
+def test_a_part_of_no_weight_is_never_drawn_nor_contained() -> None:
+    prior = Mixture([Uniform("a", 0, 1), Uniform("a", 3, 4)], [1, 0])
+    assert contains(prior, 0.5, 3.5) == [True, False]
+
+
+def test_azimuths_of_a_cap_are_any_turn() -> None:
+    inside = Cap("light", "around", 0.5).contains(
+        {"light": torch.full((4,), 0.2), "around": torch.tensor([-1.0, 5, 7, math.nan])}
+    )
+    assert inside.tolist() == [True, True, True, False]
+
+
 # Empirical
 
 
@@ -218,6 +230,13 @@ def test_rows_of_a_table_are_drawn_whole_and_equally() -> None:
 def test_a_table_contains_its_rows_and_no_mixture_of_them() -> None:
     asked = {"azimuth": torch.tensor([0.1, 0.1, 0.2]), "elevation": torch.tensor([1.0, 0.0, 0.0])}
     assert Empirical(TABLE).contains(asked).tolist() == [True, False, True]
+
+
+def test_large_tables_are_searched_without_all_pairs() -> None:
+    """A million pairs would be quick too; of these there are 40 billion."""
+    column = torch.arange(200_000).float()
+    asked = torch.cat([column[::2] + 0.5, column[1::2]])
+    assert int(Empirical({"azimuth": column}).contains({"azimuth": asked}).sum()) == 100_000
 
 
 @pytest.mark.parametrize("table", [{}, {"a": torch.empty(0)}, {"a": torch.zeros(2), "b": torch.zeros(3)}])

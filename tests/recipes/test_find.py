@@ -130,3 +130,8 @@ def test_only_recipe_functions_of_the_package_run_without_trust(
         with pytest.raises(UserError, match="add --trust|name something it defines"):
             rebuild(Origin("shapes", function, arguments))
     assert not list(tmp_path.iterdir())
+
+
+def test_views_that_are_none_are_refused() -> None:
+    with pytest.raises(UserError, match="views='knwon': choose from predicted, learned, known, single, direct"):
+        find("shapes")(views="knwon", size=16)

@@ -46,7 +46,7 @@ def recipes(batch: int) -> dict[str, Recipe]:
         "single": toy(**plain, views="single").replace(augmentation=Sometimes(Affine(), 0.3)),
         "predicted": toy(**plain, draw="posterior", starts=(0.35,)),
         "elevation": elevation(toy(**plain, views="single")),
-        "matched": toy(**plain, views="known").replace(matching=Matching()),
+        "matched": toy(**plain, views="known").replace(matching=Matching(), balance_every=16),
         "held-out": held_out(toy(**plain, views="single")),
     }
 

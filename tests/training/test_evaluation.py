@@ -13,10 +13,11 @@ import torch
 from toy import BINS, CHAIRS, SIZE, only_panel, toy
 
 from unproject._types import UserError
-from unproject.assignment import AssignmentState, Panel
+from unproject.assignment import AssignmentState, Estimator, JointlyPredicted, Panel, Predicted, PredictorFit
 from unproject.data import Collection, chairs, observe
 from unproject.domains import Images, Volumes
 from unproject.metrics import Gauge
+from unproject.networks import ViewPredictor
 from unproject.projections import Silhouette, azimuth_bins
 from unproject.recipes import find
 from unproject.training import Run, load, train
@@ -143,6 +144,35 @@ def test_the_ceiling_learns_views_that_can_be_told_apart() -> None:
         stripes[i, :, :, 4 * view : 4 * view + 4] = 1
     panel = Panel(only_panel(RECIPE).observations, Collection(stripes))
     assert supervised_ceiling(Volumes(), panel, true, 0, steps=30).exact > 0.9
+
+
+def test_the_ceiling_is_that_of_the_panels_own_predictor() -> None:
+    made: list[torch.nn.Module] = []
+
+    def network(shape: tuple[int, ...], views: int) -> torch.nn.Module:
+        made.append(ViewPredictor(shape, views, channels=4))
+        return made[-1]
+
+    panel = only_panel(RECIPE)
+    panel = replace(panel, assignment=Predicted(fit=PredictorFit(network)))
+    true = true_views(panel)
+    assert true is not None
+    supervised_ceiling(Volumes(), panel, true, 0, steps=1)
+    assert len(made) == 2
+
+
+def test_views_are_scored_by_the_most_probable_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though samples are projected in views that are drawn, as those of large collections are."""
+    panel = replace(only_panel(RECIPE), assignment=JointlyPredicted(estimator=Estimator("posterior", balance=0.5)))
+    state = panel.assignment.begin(panel, 0)
+    assert torch.equal(state.estimates(), state.views.long())  # nothing was predicted
+    p = torch.full((len(panel), BINS), 0.4 / (BINS - 1))
+    best = torch.arange(len(panel)) % BINS
+    p[torch.arange(len(panel)), best] = 0.6
+    monkeypatch.setattr(state, "_probabilities", lambda rows=None: p)
+    state.round.fill_(1)
+    state._take(*state.settings.estimator.assign(p, 0), None, 0)
+    assert torch.equal(state.estimates(), best) and not torch.equal(state.views.long(), best)
 
 
 @pytest.mark.parametrize("device", ["abacus", "cuda"])

@@ -58,7 +58,7 @@ def test_without_git_no_commit_is_known(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_recipe_that_lacks_a_part_is_another(tmp_path: Path) -> None:
     """Such as `matching`, which is described only if given."""
-    matched = toy(views="known", steps=1).replace(matching=Matching())
+    matched = toy(views="known", steps=1).replace(matching=Matching(), balance_every=16)
     run = train(matched, tmp_path / "run", quiet=True).path
     with pytest.raises(UserError, match="matching differs from when the run was started"):
         resume(run, matched.replace(matching=None), steps=2, quiet=True)

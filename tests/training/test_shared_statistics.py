@@ -106,6 +106,21 @@ def test_statistics_of_half_precision_are_single(two: Processes) -> None:
     torch.testing.assert_close(parts[0].running_var, whole.running_var, rtol=1e-3, atol=0)
 
 
+def test_large_means_leave_the_deviation(two: Processes) -> None:
+    """A mean ten thousand times the deviation: its square in single precision has no digit of the variance."""
+    whole = nn.BatchNorm1d(5, eps=1e-9).double()
+    part = shared_statistics.share_statistics(copy.deepcopy(whole).float())
+    x = 1000 + 0.1 * torch.randn(4096, 5, generator=generator_at(0), dtype=torch.float64)
+    found: dict[int, Tensor] = {}
+    parts = [part, copy.deepcopy(part)]
+
+    def work(rank: int) -> None:
+        found[rank] = parts[rank](x.float().chunk(2)[rank])
+
+    two.run(work)
+    torch.testing.assert_close(torch.cat([found[0], found[1]]).double(), whole(x), atol=0.02, rtol=0)
+
+
 def test_nothing_is_differentiated_through_twice(two: Processes) -> None:
     """A gradient penalty would be wrong without a word."""
     part = shared_statistics.share_statistics(nn.BatchNorm1d(3))

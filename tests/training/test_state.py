@@ -95,6 +95,20 @@ def test_early_on_the_average_follows_quickly() -> None:
     assert float(state.average.bias) - before == pytest.approx(4)
 
 
+def test_weights_that_began_anew_are_followed_as_quickly() -> None:
+    """Of the first, random ones nothing is left soon after, as at the start of the run."""
+    state = State(toy(steps=1), CPU)
+    state.counters.step = 1000
+    state.restart()
+    start = state.average.bias.clone()
+    with torch.no_grad():
+        state.generator.bias.add_(8)
+    for _ in range(100):
+        state.counters.step += 1
+        state.update_average(300)
+    assert float(state.average.bias - start) > 0.999 * 8
+
+
 # Files of checkpoints and logs
 
 

@@ -36,7 +36,8 @@ class Matching:
     """Match the statistics of bands; `begin` makes the state of one panel.
 
     Args:
-        weight: of its gradient at the start, where that of the panel's adversarial loss has 1.
+        weight: of its gradient at the start, where that of the panel's adversarial loss has 1, by the norms that
+            `Recipe.balance_every` has measured.
         final: weight at the end, to which it falls linearly.
         memory: share of the newest batch in the moving means.
         every: updates of the generator between two with this loss, which is as many times as large then.

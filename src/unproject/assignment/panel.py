@@ -241,7 +241,10 @@ class AssignmentState(Assigned):
         return 0.0
 
     def estimates(self) -> Tensor | None:
-        """Return (N,) the view that was estimated for each image, -1 of one that was not; None if none was."""
+        """Return (N,) the most probable view of each image, -1 of one not looked at; None if none is estimated.
+
+        `views`, which samples are projected in, may be drawn instead.
+        """
         return None
 
     def view_probabilities(self) -> Tensor | None:

@@ -125,6 +125,9 @@ class PredictedState(PredictingState):
     def _new_predictor(self) -> torch.nn.Module:
         return self.settings.fit.network(self.panel.shape, len(self.panel.observations))
 
+    def estimates(self) -> Tensor:
+        return super().estimates() if self.round > 0 else self.views.long()
+
     def view_probabilities(self) -> Tensor | None:
         return self._probabilities() if self.round > 0 else None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import chain
 from typing import Protocol
 
@@ -101,7 +102,10 @@ class PredictingState(AssignmentState):
         chosen = torch.rand(len(self.panel), generator=rng) < share
         views = torch.randint(count, (len(self.panel),), generator=rng, dtype=self.views.dtype)
         self.sampled.copy_(torch.where(chosen, views, self.views))
-        self.heads.masked_fill_(chosen, self.settings.estimator.heads(count) - 1)
+        last = self.settings.estimator.heads(count) - 1
+        self.heads.masked_fill_(chosen, last)
+        if self.panel.held_out is not None:  # as many, since losses leave each head's offset free
+            self.held_out_heads.masked_fill_(torch.rand(len(self.panel.held_out), generator=rng) < share, last)
 
     def _held_out(self) -> list[Collection]:
         """Return the images that are held out, if there are any: their views are predicted too."""
@@ -138,11 +142,12 @@ class PredictingState(AssignmentState):
         return information(self._probabilities(self._measured()))
 
     def estimates(self) -> Tensor:
+        """Return the most probable view of each image, by the window of views that is used, but not balanced."""
         rows = self._measured()
-        if rows is None:
-            return self.views.long()
+        estimator = replace(self.settings.estimator, balance=0.0)
         found = torch.full((len(self.panel),), -1)
-        found[rows] = self._probabilities(rows)[: len(rows)].argmax(1)
+        measured = torch.arange(len(self.panel)) if rows is None else rows
+        found[measured] = estimator.responsibilities(self._probabilities(rows))[: len(measured)].argmax(1)
         return found
 
     def findings(self, real: Tensor, generated: Tensor) -> list[Finding]:

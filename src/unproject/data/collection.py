@@ -90,7 +90,8 @@ class Collection:
                 stands for 1), or names or latents are of another length, or latents not finite.
         """
         items = checked(tensor_of(items, source), source)
-        names = [f"{i:05d}" for i in range(len(items))] if names is None else names
+        digits = max(5, len(str(len(items) - 1)))  # all alike, so that names are in order
+        names = [f"{i:0{digits}d}" for i in range(len(items))] if names is None else names
         known = None if latents is None else {name: torch.as_tensor(native(v)).float() for name, v in latents.items()}
         check_columns(source, len(items), {"names": names, **(known or {})})
         values = (items, tuple(names), known, tuple(skipped), source, white or white_of(items))

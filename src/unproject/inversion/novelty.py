@@ -171,13 +171,17 @@ def _trained(pictures: Tensor, prepare: Prepare, steps: int, seed: int, masks: b
 
 
 def warped(pictures: Tensor, rng: torch.Generator, masks: bool, prepare: Prepare = lambda y: y) -> Tensor:
-    """Return pictures (B, C, H, W) warped smoothly at random; masks stay masks, or blur would give them away."""
+    """Return pictures (B, C, H, W) warped smoothly at random; masks stay masks, or blur would give them away.
+
+    Outside of masks there is nothing; photographs are reflected, or black rims would give them away.
+    """
     count, size = len(pictures), [2 * side for side in pictures.shape[2:]]
     fine = F.interpolate(pictures, size=size, mode="bilinear", align_corners=False)
     lines = [torch.linspace(1 / side - 1, 1 - 1 / side, side) for side in size]
     place = torch.stack(torch.meshgrid(*lines, indexing="ij")[::-1], -1)
     bend = BENT * torch.randn(count, 2, KNOTS, KNOTS, generator=rng)
     bend = F.interpolate(bend, size=size, mode="bicubic", align_corners=False).permute(0, 2, 3, 1)
-    bent = F.grid_sample(fine, (place + bend).to(fine), align_corners=False)
+    outside = "zeros" if masks else "reflection"
+    bent = F.grid_sample(fine, (place + bend).to(fine), padding_mode=outside, align_corners=False)
     framed = prepare((bent > 0.5).to(bent) if masks else bent)
     return framed if framed.shape == pictures.shape else F.avg_pool2d(framed, 2)

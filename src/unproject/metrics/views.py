@@ -159,7 +159,7 @@ def view_scores(accuracy: ViewAccuracy, ceiling: ViewAccuracy | None = None, see
     what = "azimuth bins" if bins == accuracy.gauge.bins else "directions of half a turn"
     setting = f"{bins} {what}, best of {2 * bins} dihedral relabellings by exact accuracy, {n} views"
     values = {
-        "view_exact": (accuracy.exact, "exact accuracy"),
+        "view_exact": (accuracy.exact, "exact accuracy of the most probable view"),
         "view_within_one": (accuracy.within_one, "accuracy within one bin"),
         "view_chance_exact": (accuracy.chance_exact, "mean exact accuracy of shuffled labels"),
         "view_chance_within_one": (accuracy.chance_within_one, "mean accuracy within one bin of shuffled labels"),

@@ -128,8 +128,8 @@ class Cap(Prior):
         return {self.polar: polar, self.azimuth: TURN * torch.rand(n, generator=rng)}
 
     def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
-        polar, azimuth = latents[self.polar], latents[self.azimuth]
-        return (polar >= 0) & (polar <= self.most + 1e-6) & (azimuth >= 0) & (azimuth < TURN)
+        polar = latents[self.polar]  # any azimuth is one of a full turn
+        return (polar >= 0) & (polar <= self.most + 1e-6) & latents[self.azimuth].isfinite()
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,8 @@ class Mixture(Prior):
         return sample_each(self.parts, which, rng)
 
     def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
-        return torch.stack([part.contains(latents) for part in self.parts]).any(0)
+        drawn = [part for part, weight in zip(self.parts, self.weights, strict=True) if weight > 0]
+        return torch.stack([part.contains(latents) for part in drawn]).any(0)
 
 
 class Bins(Mixture):
@@ -274,7 +275,8 @@ class Empirical(Prior):
     def contains(self, latents: Mapping[str, Tensor]) -> Tensor:
         known = torch.stack([self.table[name].float() for name in self.names], 1)
         asked = torch.stack([latents[name].float() for name in self.names], 1)
-        return (asked[:, None] == known[None]).all(-1).any(-1)
+        _, row = torch.unique(torch.cat([known, asked]), dim=0, return_inverse=True)
+        return torch.isin(row[len(known) :], row[: len(known)])
 
 
 def sample_each(priors: Sequence[Prior], which: Tensor, rng: torch.Generator) -> dict[str, Tensor]:

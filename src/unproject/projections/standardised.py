@@ -55,6 +55,9 @@ class Standardised(Projection):
     def forward(self, x: Tensor, **latents: Tensor) -> Tensor:
         return self.standardise(self.projection(x, **latents))
 
+    def prepare(self, y: Tensor) -> Tensor:
+        return self.standardise(self.projection.prepare(self.restore(y)))
+
     def from_measured(self, y: Tensor) -> Tensor:
         return self.standardise(self.projection.from_measured(y))
 

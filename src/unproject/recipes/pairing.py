@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Literal, get_args
 
 import torch
 
@@ -68,6 +68,8 @@ def panel_of(
             rows = torch.isin(views_of(held_out, observations), seen).nonzero()[:, 0]
             held_out = held_out.subset(rows) if len(rows) else None
         return Panel(*by_view(collection, observations), Known(), held_out=held_out)
+    if views not in get_args(Views):
+        raise UserError(f"views={views!r}: choose from {', '.join(get_args(Views))}")
     unknown = {"learned": LearnedPrior(), "single": Unassigned()}
     assignment = unknown.get(views) or predicted or frequent_rounds(40, 0.8)
     return Panel(observations, collection, assignment, held_out=held_out)

@@ -177,14 +177,18 @@ def estimated_view_scores(
         if found is not None:
             rows, estimated, true = found
             best = supervised_ceiling(domain, state.panel, true, seed, rows=rows) if ceiling else None
-            return view_scores(accuracy_of(domain, state.panel, estimated[rows], true[rows]), best, seed)
+            return view_scores(accuracy_of(domain, state.panel, estimated[rows], true[rows], seed), best, seed)
     return {}
 
 
 def estimated_and_true(domain: Domain, state: AssignmentState) -> tuple[Tensor, Tensor, Tensor] | None:
     """Return rows whose views were estimated, and estimated and known views of all (N,); None where these lack."""
-    estimated, true, observations = state.estimates(), true_views(state.panel), state.panel.observations
-    if estimated is None or true is None or not domain.turns_by(observations):
+    observations = state.panel.observations
+    if not domain.turns_by(observations):
+        return None
+    estimated = state.estimates()
+    true = None if estimated is None else true_views(state.panel)
+    if estimated is None or true is None:
         return None
     if domain.bins(observations) % 2 and not domain.half_turn(observations):
         return None  # a reflection maps these bins to no bins
@@ -218,7 +222,8 @@ def supervised_ceiling(
     Raises:
         UserError: for a single image.
     """
-    fit, rows = PredictorFit(steps=steps), torch.arange(len(true)) if rows is None else rows
+    fit = replace(getattr(panel.assignment, "fit", PredictorFit()), steps=steps)
+    rows = torch.arange(len(true)) if rows is None else rows
     if len(rows) < 2:
         raise UserError("the ceiling needs two pictures at least, one to learn from and one to predict")
     folds = (rows[: len(rows) // 2], rows[len(rows) // 2 :])
@@ -228,15 +233,15 @@ def supervised_ceiling(
             predictor = fit.network(panel.shape, len(panel.observations))
         fit.fitted(predictor, panel.batch(train), true[train], derived_seed(seed, fold, "ceiling"))
         predicted[test] = fit.probabilities(predictor, (panel.batch(some) for some in test.split(512))).argmax(1)
-    return accuracy_of(domain, panel, predicted[rows], true[rows])
+    return accuracy_of(domain, panel, predicted[rows], true[rows], seed)
 
 
-def accuracy_of(domain: Domain, panel: Panel, predicted: Tensor, true: Tensor) -> ViewAccuracy:
+def accuracy_of(domain: Domain, panel: Panel, predicted: Tensor, true: Tensor, seed: int = 0) -> ViewAccuracy:
     """Return the accuracy up to gauge, by the first latent alone: azimuth, whatever the elevation, or angle."""
     bins = domain.bins(panel.observations)
     each = len(panel.observations) // bins
     half, mirrored = domain.half_turn(panel.observations), domain.open_reflection
-    return view_accuracy(predicted // each, true // each, bins, half=half, mirrored=mirrored)
+    return view_accuracy(predicted // each, true // each, bins, half=half, mirrored=mirrored, seed=seed)
 
 
 def projected(state: AssignmentState, x: Tensor, seed: int) -> Tensor:

@@ -185,6 +185,11 @@ class Recipe:
                 "the augmentation follows the overfitting, which is measured on held-out images: give each panel some, "
                 "Panel(..., held_out=...); Collection.split makes them"
             )
+        if self.matching is not None and not self.balance_every:
+            raise UserError(
+                "matching: has its weight where the gradient of the adversarial loss has 1, which balance_every=0 does "
+                "not measure; give balance_every=16, a measurement every 16 steps"
+            )
         for name, choices in (("precision", ("float32", "bfloat16")), ("normalise_over", (None, "processes"))):
             if getattr(self, name) not in choices:
                 raise UserError(f"{name}={getattr(self, name)!r}: choose from {', '.join(map(str, choices))}")

@@ -4,7 +4,8 @@ With x̂ = (x - μ) / σ, the means μ and E over all elements of a channel in a
 
     y = w x̂ + c,    ∂L/∂x = (g - E[g] - x̂ E[g x̂]) / σ
 
-Each direction takes one sum over the processes; means are taken in single precision at least. Nothing can be
+Each direction takes one sum over the processes; means are taken in single precision at least, and E[x²] - μ² in double,
+which in single is nothing where a mean is a thousand times the deviation. Nothing can be
 differentiated through twice. What torch calls SyncBatchNorm is for CUDA alone.
 
 References:
@@ -29,8 +30,10 @@ class SharedNorm(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, eps: float) -> tuple[Tensor, Tensor, Tensor]:
         variance, mean = torch.var_mean(widened(x), axes_of(x), correction=0)
-        mean, square = mean_over_processes(torch.stack([mean, variance + mean.square()]))
-        variance = (square - mean.square()).clamp_min(0.0)
+        dtype, mean = mean.dtype, mean.double()
+        mean, square = mean_over_processes(torch.stack([mean, variance.double() + mean.square()]))
+        variance = (square - mean.square()).clamp_min(0.0).to(dtype)
+        mean = mean.to(dtype)
         y = F.batch_norm(x, mean, variance, eps=eps)
         ctx.save_for_backward(y, (variance + eps).rsqrt())
         ctx.mark_non_differentiable(mean, variance)

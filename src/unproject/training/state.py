@@ -190,10 +190,11 @@ class State:
     def update_average(self, half_life: float) -> None:
         """Move the averaged weights towards the generator's.
 
-        Early on the half-life is a tenth of the steps, those of averages taken over among them; a half-life of 0 copies
-        the weights.
+        Early on the half-life is a tenth of the steps since the weights began, those of averages taken over among them;
+        a half-life of 0 copies the weights.
         """
-        half_life = min(half_life, max((self.counters.averaged + self.counters.step) / 10, 1.0))
+        steps = self.counters.averaged + self.counters.step - self.counters.began
+        half_life = min(half_life, max(steps / 10, 1.0))
         rate = 1 - 0.5 ** (1 / half_life) if half_life else 1.0
         with torch.no_grad():
             mean, new = self._averaged
