@@ -3420,6 +3420,27 @@ VERDICTS = (
         "training/test_matching.py::test_its_weight_needs_the_norm_of_the_adversarial_gradient",
     ),
     mutant(
+        "voxelise: both faces of a thin plate cancel",
+        "data/readers/voxelise.py",
+        "crossed[place] = True",
+        "crossed = changes != 0",
+        "data/readers/test_shapes.py",
+    ),
+    mutant(
+        "voxelise: thin parts end before thick ones",
+        "data/readers/voxelise.py",
+        "return passed & binary_dilation(apart, around)",
+        "return apart",
+        "data/readers/test_shapes.py",
+    ),
+    mutant(
+        "voxelise: rims of thick parts are thin parts",
+        "data/readers/voxelise.py",
+        "apart = passed & ~binary_dilation(thick, around)",
+        "apart = passed",
+        "data/readers/test_shapes.py",
+    ),
+    mutant(
         "view findings: pictures from few sides have as much to tell",
         "assignment/view_findings.py",
         "return max(entropy(p.mean(0)).item(), math.log(2))",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from scipy.ndimage import label
 
 from unproject._types import UserError
 from unproject.data import Collection, observe, read
@@ -108,7 +109,7 @@ def test_overlapping_and_inside_out_parts_stay_solid():
 def test_the_winding_number_of_a_closed_mesh_is_one_inside_from_every_side(axis):
     mesh = trimesh.creation.icosphere(3, 0.7)
     triangles = (mesh.triangles + 1) * 12 - 0.5
-    windings = np.cumsum(crossings(triangles, axis, 24), -1)
+    windings = np.cumsum(crossings(triangles, axis, 24)[0], -1)
     assert set(np.unique(windings)) == {0, 1} and windings[12, 12, 12] == 1 and (windings[..., -1] == 0).all()
 
 
@@ -124,7 +125,40 @@ def test_a_mesh_with_a_hole_is_still_solid():
 def test_a_sheet_without_thickness_is_kept():
     corners = np.array([[-0.5, 0.01, -0.5], [0.5, 0.01, -0.5], [0.5, 0.01, 0.5], [-0.5, 0.01, 0.5]])
     volume = voxelise(corners, np.array([[0, 1, 2], [0, 2, 3]]), 32)
-    assert volume.sum(1).max() == 1 and volume.sum() == pytest.approx(256, rel=0.15)
+    assert volume.sum(1).max() == 1 and int(volume.sum()) == pytest.approx(256, rel=0.15)
+
+
+def table(top: float, leg: float) -> trimesh.Trimesh:
+    """A plate on four legs, all of them closed, 1 wide and high."""
+    plate = trimesh.creation.box((1, top, 1))
+    plate.apply_translation((0, 1 - top / 2, 0))
+    legs = [trimesh.creation.box((leg, 1, leg)) for _ in range(4)]
+    for one, (x, z) in zip(legs, ((-0.45, -0.45), (-0.45, 0.45), (0.45, -0.45), (0.45, 0.45)), strict=True):
+        one.apply_translation((x, 0.5, z))
+    return trimesh.util.concatenate([plate, *legs])
+
+
+@pytest.mark.parametrize("size", [32, 64])
+@pytest.mark.parametrize(
+    "top, leg", [(0.005, 0.005), (0.1, 0.03), (0.04, 0.04), (0.03, 0.03), (0.02, 0.06), (0.02, 0.02), (0.06, 0.02)]
+)
+def test_thin_tops_and_legs_are_kept(top, leg, size):
+    mesh = table(top, leg)
+    volume = voxelise(normalised(mesh.vertices), mesh.faces, size)
+    rows = volume.sum((0, 2)).nonzero()[0]
+    assert label(volume)[1] == 1  # by faces
+    assert rows[-1] - rows[0] + 1 == pytest.approx(volume.sum((1, 2)).nonzero()[0].size, abs=2)  # as high as wide
+    side = volume.sum((1, 2)).nonzero()[0].size
+    assert volume.sum((0, 2)).max() == pytest.approx(side**2, rel=0.2)  # the top
+    middle = volume[:, rows[len(rows) // 2]]
+    assert label(middle)[1] == 4 and middle.sum() <= 4 * max(4, (leg * side + 1) ** 2)
+
+
+def test_thick_parts_stay_as_they_are():
+    turned = trimesh.creation.box((0.9, 0.5, 0.7))
+    turned.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 2, 3)))
+    share = coverage(turned.vertices, turned.faces, 32)
+    assert share.sum() == pytest.approx(turned.volume * 16**3, rel=0.01)
 
 
 def test_normalising_fits_the_box_and_the_cylinder():

@@ -4,6 +4,9 @@ Along a line in direction d, every crossing of the surface changes the winding n
 normal; a point is inside where it is not 0. A closed mesh gives the same number from all six directions. One with
 holes or missing faces does not, and the median of the six decides: a ray that leaks through a hole is outvoted.
 Unlike parity, windings add up where closed parts overlap, as they do in most artists' models.
+
+What is thinner than a voxel covers less than half of any, and would vanish: legs, table tops, faces without thickness.
+It becomes as thick as a voxel, or as two where it lies half in either.
 """
 
 from __future__ import annotations
@@ -11,40 +14,51 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, maximum_filter
 
 SAMPLES = 3
 """Sample points per voxel and axis."""
 
 
 def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
-    """(R, R, R) uint8, 0 or 1: the voxels of [-1, 1]³ that are at least half inside the mesh."""
+    """(R, R, R) uint8, 0 or 1: the voxels of [-1, 1]³ that are at least half inside the mesh or of thin parts."""
     return (coverage(vertices, faces, resolution) >= 0.5).astype(np.uint8)
 
 
 def coverage(vertices: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
-    """(R, R, R) float32: the share of each voxel of [-1, 1]³ that is inside the mesh.
-
-    Faces without thickness would vanish: voxels they pass through are 1 where nothing solid is near.
-    """
+    """(R, R, R) float32: the share of each voxel of [-1, 1]³ that is inside the mesh, 1 of thin parts."""
     fine = resolution * SAMPLES
     triangles = (vertices[faces].astype(np.float64) + 1) * fine / 2 - 0.5
     votes, touched = [], np.zeros((fine,) * 3, dtype=bool)
     for axis in range(3):
-        changes = crossings(triangles, axis, fine)
-        touched |= np.moveaxis(changes != 0, -1, axis)[:fine, :fine, :fine]
+        changes, crossed = crossings(triangles, axis, fine)
+        touched |= np.moveaxis(crossed, -1, axis)[:fine, :fine, :fine]
         forward = np.cumsum(changes, -1)
         votes += [np.moveaxis(w[..., :fine], -1, axis) for w in (forward, forward - forward[..., -1:])]
     inside = np.abs(np.median(np.stack(votes), axis=0)) > 0.5
     share = _pooled(inside.astype(np.float32), resolution)
-    sheets = (_pooled(touched.astype(np.float32), resolution) > 0) & ~binary_dilation(share > 0, np.ones((3, 3, 3)))
-    return np.where(sheets, 1.0, share).astype(np.float32)
+    passes = (_pooled(touched.astype(np.float32), resolution) > 0) | _on_edges(triangles / SAMPLES, resolution)
+    thin = thin_parts(share, passes)
+    return np.where(thin, 1.0, share).astype(np.float32)
 
 
-def crossings(triangles: np.ndarray, axis: int, fine: int) -> np.ndarray:
-    """(F, F, F + 1) changes of the winding number along `axis`, the other two axes first.
+def thin_parts(share: np.ndarray, touched: np.ndarray) -> np.ndarray:
+    """(R, R, R) bool: voxels of thin parts, of the covered `share` of each and whether the surface passes through it.
 
-    Entry k is the change between the sample points k - 1 and k.
+    Thick is what is at least half covered; the surface passes through its neighbours too. Thin is what it passes
+    through elsewhere, and where that goes on to what is thick. Of neighbouring voxels those count that are covered at
+    least half as much as the most covered one that is not thick.
+    """
+    thick, around = share >= 0.5, np.ones((3, 3, 3))
+    passed = touched & ~thick & (2 * share >= maximum_filter(np.where(thick, 0.0, share), 3))
+    apart = passed & ~binary_dilation(thick, around)
+    return passed & binary_dilation(apart, around)
+
+
+def crossings(triangles: np.ndarray, axis: int, fine: int) -> tuple[np.ndarray, np.ndarray]:
+    """(F, F, F + 1) changes of the winding number along `axis`, the other two axes first, and where there are any.
+
+    Entry k is the change between the sample points k - 1 and k. Of both faces of a thin plate it is 0.
     """
     u, v = [a for a in range(3) if a != axis]
     # Lines pass a hair beside the sample points, so that none runs exactly through an edge shared by two triangles.
@@ -60,8 +74,28 @@ def crossings(triangles: np.ndarray, axis: int, fine: int) -> np.ndarray:
     level = np.ceil((weights[hit] * depth[which[hit]]).sum(1)).clip(0, fine).astype(np.int64)
     facing = np.sign(area[which[hit]]) * (-1 if axis == 1 else 1)
     changes = np.zeros((fine, fine, fine + 1), dtype=np.int16)
-    np.add.at(changes, (points[hit, 0], points[hit, 1], level), -facing.astype(np.int16))
-    return changes
+    place = points[hit, 0], points[hit, 1], level
+    np.add.at(changes, place, -facing.astype(np.int16))
+    crossed = np.zeros(changes.shape, dtype=bool)
+    crossed[place] = True
+    return changes, crossed
+
+
+def _on_edges(triangles: np.ndarray, resolution: int) -> np.ndarray:
+    """(R, R, R) bool: voxels that edges of triangles pass through, as the grid's lines may all miss a needle.
+
+    Triangles are in voxels, 0 half a sample inside the first one. Points on edges are half a voxel apart.
+    """
+    found = np.zeros((resolution,) * 3, dtype=bool)
+    for start, end in zip(triangles.swapaxes(0, 1), np.roll(triangles, -1, 1).swapaxes(0, 1), strict=True):
+        count = np.ceil(2 * np.abs(end - start).max(1)).clip(1, 4 * resolution).astype(np.int64)
+        which = np.repeat(np.arange(len(start)), count)
+        part = (np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[which]
+        place = start[which] + part[:, None] * (end - start)[which] + 0.5 / SAMPLES
+        x, y, z = np.floor(place).astype(np.int64).T
+        inside = (place >= 0).all(1) & (place < resolution).all(1)
+        found[x[inside], y[inside], z[inside]] = True
+    return found
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
