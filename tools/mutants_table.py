@@ -3441,6 +3441,13 @@ VERDICTS = (
         "data/readers/test_shapes.py",
     ),
     mutant(
+        "voxelise: slanting legs are in pieces",
+        "data/readers/voxelise.py",
+        "return (joined_parts(share) >= 0.5)",
+        "return (share >= 0.5)",
+        "data/readers/test_shapes.py::test_slanting_legs_are_whole",
+    ),
+    mutant(
         "view findings: pictures from few sides have as much to tell",
         "assignment/view_findings.py",
         "return max(entropy(p.mean(0)).item(), math.log(2))",

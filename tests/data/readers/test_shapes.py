@@ -154,6 +154,18 @@ def test_thin_tops_and_legs_are_kept(top, leg, size):
     assert label(middle)[1] == 4 and middle.sum() <= 4 * max(4, (leg * side + 1) ** 2)
 
 
+@pytest.mark.parametrize("radius, tilt", [(0.015, 0.3), (0.026, 0.3), (0.026, 0.8), (0.03, 0.2)])
+def test_slanting_legs_are_whole(radius, tilt):
+    """Where they are about as thick as a voxel, some voxels are more than half covered, and some between are less."""
+    rod, ball = trimesh.creation.cylinder(radius, 1.2, sections=12), trimesh.creation.icosphere(3, 0.25)
+    rod.apply_transform(trimesh.transformations.rotation_matrix(tilt, (1, 0.3, 0)))
+    both = trimesh.util.concatenate([rod, ball])
+    volume = voxelise(both.vertices, both.faces, 32)
+    assert label(volume, np.ones((3, 3, 3)))[1] == 1
+    length = np.linalg.norm(np.ptp(np.argwhere(volume), axis=0)) / 16
+    assert length == pytest.approx(1.2, abs=0.2)
+
+
 def test_thick_parts_stay_as_they_are():
     turned = trimesh.creation.box((0.9, 0.5, 0.7))
     turned.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 2, 3)))

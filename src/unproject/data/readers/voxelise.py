@@ -14,15 +14,22 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation, maximum_filter
+import torch
+from scipy.ndimage import binary_dilation
+
+from ...ops.parts import joined_parts
 
 SAMPLES = 3
 """Sample points per voxel and axis."""
 
 
 def voxelise(vertices: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
-    """(R, R, R) uint8, 0 or 1: the voxels of [-1, 1]³ that are at least half inside the mesh or of thin parts."""
-    return (coverage(vertices, faces, resolution) >= 0.5).astype(np.uint8)
+    """(R, R, R) uint8, 0 or 1: the voxels of [-1, 1]³ that are at least half inside the mesh or of thin parts.
+
+    Of legs that are now thick, now thin, the voxels between are less than half covered: they join what lies near.
+    """
+    share = torch.from_numpy(coverage(vertices, faces, resolution))
+    return (joined_parts(share) >= 0.5).numpy().astype(np.uint8)
 
 
 def coverage(vertices: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
@@ -46,11 +53,11 @@ def thin_parts(share: np.ndarray, touched: np.ndarray) -> np.ndarray:
     """(R, R, R) bool: voxels of thin parts, of the covered `share` of each and whether the surface passes through it.
 
     Thick is what is at least half covered; the surface passes through its neighbours too. Thin is what it passes
-    through elsewhere, and where that goes on to what is thick. Of neighbouring voxels those count that are covered at
-    least half as much as the most covered one that is not thick.
+    through elsewhere, and where that goes on to what is thick. How much of a voxel is covered does not count: of few
+    sample points it is too uncertain, and slanting plates would be full of holes.
     """
     thick, around = share >= 0.5, np.ones((3, 3, 3))
-    passed = touched & ~thick & (2 * share >= maximum_filter(np.where(thick, 0.0, share), 3))
+    passed = touched & ~thick
     apart = passed & ~binary_dilation(thick, around)
     return passed & binary_dilation(apart, around)
 
