@@ -3448,6 +3448,13 @@ VERDICTS = (
         "data/readers/test_shapes.py::test_slanting_legs_are_whole",
     ),
     mutant(
+        "view findings: found views of mirror images are good if those of shapes cannot be told",
+        "assignment/view_findings.py",
+        "and (telling or are_found(real))",
+        "and telling",
+        "assignment/test_view_findings.py",
+    ),
+    mutant(
         "view findings: pictures from few sides have as much to tell",
         "assignment/view_findings.py",
         "return max(entropy(p.mean(0)).item(), math.log(2))",

@@ -90,6 +90,14 @@ def test_views_of_pictures_that_are_their_own_mirror_images_are_in_doubt() -> No
     assert [f.name for f in view_findings(p, p, wedge)] == ["views", "world"]
 
 
+def test_found_views_of_mirror_images_are_in_doubt_though_those_of_shapes_cannot_be_told() -> None:
+    disc, _ = disc_and_wedge()
+    assert [(f.name, f.word) for f in view_findings(probabilities(0.95), probabilities(0.2), disc)] == [
+        ("mirror", "doubtful"),
+        ("views", "good"),
+    ]
+
+
 def test_views_of_mirror_images_that_nothing_tells_stay_in_doubt() -> None:
     p = probabilities(0.2)
     for pictures in disc_and_wedge():

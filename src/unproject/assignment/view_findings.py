@@ -80,13 +80,13 @@ def view_findings(real: Tensor, generated: Tensor, silhouettes: Tensor | None = 
     found = [Finding("views", Score(of_real, how, len(real)), FOUND * most, -math.inf, says, advice)]
     telling = are_found(generated)
     mirrored = None if silhouettes is None else mirror_iou(silhouettes).median().item()
-    if mirrored is not None and mirrored >= MIRRORED and telling:
+    if mirrored is not None and mirrored >= MIRRORED and (telling or are_found(real)):
         found = [mirror_finding(mirrored, len(real)), *found]
     return found + ([world_finding(real, generated)] if telling else [])
 
 
 def mirror_finding(mirrored: float, n: int) -> Finding:
-    """Say what silhouettes leave open that are their own mirror images, where views of generated shapes can be told."""
+    """Say what silhouettes leave open that are their own mirror images, where views are found or those of shapes can be told."""
     score = Score(mirrored, "median IoU of a silhouette with its mirror image", n)
     says = f"pictures are their own mirror images (IoU {mirrored:.2f}): round objects would explain them as well"
     advice = "look at the shapes; --axisymmetric 6, or more, prefers round ones"
