@@ -6278,6 +6278,12 @@ GOING_ON: tuple[Mutant, ...] = (
         "report/test_report.py::test_a_run_that_is_broken_or_unfinished_is_told"),
 )  # fmt: skip
 
+REVIEWED_DATA: tuple[Mutant, ...] = (
+    mutant("fit: volumes are taken for pictures", "training/given_pictures.py",
+        "if found.shape[0] != 1 or len(found.shape) != 3:", "if len(found.shape) != 3:",
+        "cli/test_fit.py::test_volumes_and_meshes_are_no_pictures"),
+)  # fmt: skip
+
 
 MUTANTS: tuple[Mutant, ...] = (
     *TURNS,
@@ -6312,4 +6318,5 @@ MUTANTS: tuple[Mutant, ...] = (
     *FINDINGS,
     *GOING_ON,
     *GIVEN_AWAY,
+    *REVIEWED_DATA,
 )

@@ -365,6 +365,16 @@ def test_an_npz_of_another_size_is_taken_and_lines_are_refused(shapes: Path, mas
         observed(run, [tmp_path / "lines.npz"], viewing_of(state))
 
 
+def test_volumes_and_meshes_are_no_pictures(shapes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.savez(tmp_path / "chairs.npz", volumes=chairs(3, 16, seed=5).numpy())
+    lines = ("v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1", "f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4")
+    (tmp_path / "one.obj").write_text("\n".join(lines))
+    for name in ("chairs.npz", "one.obj"):
+        assert fit(shapes, tmp_path / name, "--out", tmp_path / "fits") == 2
+        assert f"{name}: holds volumes, and this run learned from silhouettes; give" in capsys.readouterr().err
+    assert not (tmp_path / "fits").exists()
+
+
 def test_a_fit_that_found_nothing_leaves_its_folder_to_others(shapes: Path, masks: Path, tmp_path: Path) -> None:
     picture, out = masks / "chair0.png", tmp_path / "f"
     assert fit(shapes, picture, "--out", out, "--no-novelty", "--prior", "1e300") == 2

@@ -172,8 +172,9 @@ def _observed_silhouettes(paths: Sequence[Path], listed: bool, projection: Proje
         found = read_silhouettes(paths, size)
     else:
         found = read(paths[0], None if framed and not paths[0].is_dir() else size)
-    if len(found.shape) != 3:
-        raise UserError(f"{paths[0]}: holds no pictures, and this run learned from silhouettes; give masks or cut-outs")
+    if found.shape[0] != 1 or len(found.shape) != 3:
+        what = "volumes" if len(found.shape) == 3 else "no pictures"
+        raise UserError(f"{paths[0]}: holds {what}, and this run learned from silhouettes; give masks or cut-outs")
     return mapped(found, lambda y: projection.prepare(projection.from_measured(y)))
 
 
