@@ -190,7 +190,7 @@ def renamed(path: Path) -> Path:
 
 
 def packed(path: Path, labels: list[int]) -> Path:
-    bits = np.packbits(np.ones((3, 512), np.uint8), axis=1)
+    bits = np.packbits(np.triu(np.ones((3, 8, 8, 8), np.uint8)).reshape(3, 512), axis=1)
     np.savez(path, X_train=bits, y_train=np.array(labels), shape=np.array([8, 8, 8]), class_names=np.array(["a", "b"]))
     return path
 

@@ -186,7 +186,7 @@ def test_images_that_cannot_be_read_are_skipped(depths: Path) -> None:
 def saved(tmp_path: Path) -> dict[str, Path]:
     np.savez(tmp_path / "pictures.npz", images=masks)
     np.savez(tmp_path / "lines.npz", lines=np.ones((3, 16), np.float32))
-    np.savez(tmp_path / "volumes.npz", volume=np.ones((2, 8, 8, 8), bool))
+    np.savez(tmp_path / "volumes.npz", volume=np.triu(np.ones((2, 8, 8, 8), bool)))
     return {name: tmp_path / f"{name}.npz" for name in ("pictures", "lines", "volumes")}
 
 
@@ -212,7 +212,7 @@ def test_volumes_keep_their_bits(tmp_path: Path) -> None:
     assert as_stored.items.dtype == torch.uint8 and as_stored.shape == (8, 8, 8)
     assert Collection.volumes(path, 9).items.dtype == torch.uint8, "padded"
     assert Collection.volumes(path).items.dtype == torch.float32, "resampled"
-    assert float(Collection.volumes(path, 4).floats().min()) == 1
+    assert float(Collection.volumes(path, 4).floats().max()) == 1
 
 
 def test_framed_pictures_keep_8_bits_of_coverage(tmp_path: Path) -> None:

@@ -142,9 +142,9 @@ def test_digits_are_shown_as_they_are(tmp_path: Path, capsys) -> None:
 
 
 def test_volumes_are_not_shown_as_what_images_are_learned_from(tmp_path: Path) -> None:
-    np.savez(tmp_path / "boxes.npz", volume=np.ones((2, 32, 32, 32), np.float32))
+    np.savez(tmp_path / "wedges.npz", volume=np.triu(np.ones((2, 32, 32, 32), np.float32)))
     with pytest.raises(UserError, match="holds volumes; digits learns images; --for shapes reads it"):
-        inspect_path(tmp_path / "boxes.npz", for_="digits")
+        inspect_path(tmp_path / "wedges.npz", for_="digits")
 
 
 def test_lines_are_shown_as_graphs(tmp_path: Path, capsys) -> None:

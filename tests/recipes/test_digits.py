@@ -100,7 +100,7 @@ def test_pictures_that_fit_in_several_times_are_enlarged() -> None:
 
 
 def test_volumes_are_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "volumes.npz", volume=np.ones((3, 16, 16, 16), np.float32))
+    np.savez(tmp_path / "volumes.npz", volume=np.triu(np.ones((3, 16, 16, 16), np.float32)))
     with pytest.raises(UserError, match="holds volumes; images are learned from"):
         digits(data=tmp_path / "volumes.npz", steps=1)
 

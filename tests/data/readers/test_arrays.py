@@ -320,6 +320,44 @@ def test_volumes_without_a_voxel_are_left_out(tmp_path: Path, dtype: Any) -> Non
         read(saved(tmp_path, volume=np.zeros_like(volumes)))
 
 
+def solids(count: int = 4) -> np.ndarray:
+    """Return blocks amid grids (N, 8, 8, 8), no two alike."""
+    volumes = np.zeros((count, 8, 8, 8), np.uint8)
+    for k in range(count):
+        volumes[k, 2:6, 1 : 4 + k, 2:6] = 1
+    return volumes
+
+
+@pytest.mark.parametrize("change", [lambda x: x * np.arange(1, 9, dtype=np.uint8), lambda x: x * np.float32(0.1)])
+def test_volumes_of_labels_or_of_faint_values_are_refused(tmp_path: Path, change: Any) -> None:
+    with pytest.raises(UserError, match=r"values are (6 of 255|0.1 of 1) at most; of labels save volumes > 0"):
+        read(saved(tmp_path, volumes=change(solids())))
+    if change(solids()).dtype == np.float32:
+        some = solids().astype(np.float32)
+        some[1] *= 0.1
+        assert [name for name, _ in read(saved(tmp_path, volumes=some)).skipped] == ["00001"]
+
+
+def test_volumes_that_are_full_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="all voxels of all volumes are occupied; volumes are 1 inside, 0 outside"):
+        read(saved(tmp_path, volumes=np.ones((3, 8, 8, 8), bool)))
+    blocks = solids()
+    blocks[:3] = 1  # cubes among other objects
+    assert len(read(saved(tmp_path, volumes=blocks))) == 4
+
+
+@pytest.mark.parametrize("white", [np.bool_(1), np.uint8(1), np.uint8(255), np.float32(1)])
+def test_volumes_cut_out_of_blocks_are_inverted_with_a_warning(tmp_path: Path, white: Any) -> None:
+    inverted = (1 - solids()) * white
+    inverted[3] = white  # a block among them is nothing then
+    with pytest.warns(UserWarning, match="most volumes are occupied along their outer faces"):
+        found = read(saved(tmp_path, volumes=inverted))
+    assert np.array_equal(found.floats(), solids()[:3]) and [name for name, _ in found.skipped] == ["00003"]
+    touching = solids()
+    touching[:, 0] = touching[:, -1] = touching[:, :, 0] = touching[:, :, :, 0] = 1
+    assert np.array_equal(read(saved(tmp_path, volumes=touching)).floats(), touching)  # no warning, an error here
+
+
 @pytest.mark.parametrize("name", ["masks", "volume"])
 def test_strict_reading_of_arrays_refuses_what_is_empty(tmp_path: Path, name: str) -> None:
     x = np.ones((3, 8, 8, 8) if name == "volume" else (3, 8, 8), bool)

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from ..._files import check_regular, check_unpacked
@@ -29,7 +28,8 @@ from ..._pictures import LONGEST
 from ..._types import UserError
 from ..lazy import Lazy
 from .array_masks import are_inverted, checked_masks, masks_of, shown_rows, warn_of_axes, warn_of_inversion
-from .found import Found, chunks, to_bytes, to_floats, white_of, without
+from .array_volumes import cubes, occupied
+from .found import Found, chunks, to_bytes, to_floats, white_of
 from .framing import AS_GIVEN, frame
 from .images import as_images
 from .latents import known_latents, latents_of
@@ -39,8 +39,6 @@ from .stored import StoredArrays, shapes_of, why_unreadable
 
 VOLUMES = ("volume", "volumes", "voxels")
 PICTURES = ("image", "images", "sil", "silhouette", "silhouettes", "mask", "masks")
-EMPTY = "empty: no voxel is occupied"
-"""Why a volume is left out."""
 BESIDE = ("names", "skipped", "reasons", "side")
 """What may stand beside them, besides known views."""
 
@@ -64,7 +62,7 @@ def read_arrays(path: Path, options: ReadOptions) -> Found:
         return lines_of(path, key, values, latents, _texts(arrays, "names"))
     found = Found(values, _names(arrays, len(values)), latents, _skipped(arrays), str(path))
     if key in VOLUMES or (key not in PICTURES and _is_volume(values)):
-        return occupied(found._replace(items=_volumes(path, key, values)), options.size, options.strict)
+        return occupied(found._replace(items=cubes(path, key, values)), options.size, options.strict)
     pictures = _channels_first(path, key, values)
     warn_of_axes(path, key, tuple(values.shape))
     if not options.images:
@@ -209,45 +207,6 @@ def _texts(arrays: Mapping[str, np.ndarray], key: str) -> list[str]:
 
 def _is_volume(values: Tensor) -> bool:
     return values.ndim == 4 and values.shape[1] not in (1, 3, 4) and values.shape[-1] not in (1, 3, 4)
-
-
-def _volumes(path: Path, key: str, values: Tensor) -> Tensor:
-    values = values[:, 0] if values.ndim == 5 and values.shape[1] == 1 else values
-    if values.ndim != 4 or len(set(values.shape[1:])) != 1:
-        raise UserError(f"{path}: {key}: is of shape {tuple(values.shape)}; volumes are (N, X, Y, Z) with X = Y = Z")
-    return values
-
-
-def occupied(found: Found, size: int | None, strict: bool) -> Found:
-    """Return what was found at a size (see `resized_volumes`), without the volumes in which no voxel is occupied.
-
-    Raises:
-        UserError: if none is left, or one is left out and `strict` is given.
-    """
-    volumes = found.whole
-    empty = ~torch.cat([part.flatten(1).any(1).bool() for part in chunks(volumes)])
-    if bool(empty.all()):
-        raise UserError(f"{found.source}: no volume has an occupied voxel; volumes are 1 inside, 0 outside")
-    found, rows = without(found, empty, EMPTY, strict)
-    return found._replace(items=resized_volumes(volumes if rows is None else volumes[rows], size))
-
-
-def resized_volumes(volumes: Tensor, size: int | None) -> Tensor:
-    """Volumes (N, X, X, X) at (N, size, size, size).
-
-    A grid smaller by at most an eighth is padded with empty voxels, which keeps every voxel as it is (30 to 32);
-    otherwise values are area averages when it shrinks, trilinear when it grows.
-    """
-    now = volumes.shape[-1]
-    if size is None or now == size:
-        return volumes
-    if now < size <= now * 9 / 8:
-        before = (size - now) // 2
-        return F.pad(volumes, (before, size - now - before) * 3)
-    values = to_floats(volumes, white_of(volumes))[:, None]
-    if size < now:
-        return F.interpolate(values, size=(size,) * 3, mode="area")[:, 0]
-    return F.interpolate(values, size=(size,) * 3, mode="trilinear", align_corners=False)[:, 0]
 
 
 def _channels_first(path: Path, key: str, values: Tensor) -> Tensor:

@@ -19,7 +19,8 @@ from torch import Tensor
 
 from ..._files import check_regular, check_unpacked, files_with
 from ..._types import UserError
-from .arrays import EMPTY, checked_values, load_arrays, occupied, read_arrays, resized_volumes
+from .array_volumes import EMPTY, occupied, resized_volumes
+from .arrays import checked_values, load_arrays, read_arrays
 from .found import Found, to_floats, white_of
 from .options import ReadOptions
 from .stored import shapes_of
