@@ -211,10 +211,10 @@ def test_a_start_from_averaged_weights_that_do_not_fit(run: Path, tmp_path: Path
     assert not (tmp_path / "new").exists()
 
 
-def test_pictures_of_another_size_leave_no_fits(run: Path, tmp_path: Path, refused: Refused) -> None:
+def test_volumes_that_are_no_pictures_leave_no_fits(run: Path, tmp_path: Path, refused: Refused) -> None:
     np.savez(tmp_path / "x.npz", volume=np.triu(np.ones((2, 8, 8, 8), np.float32)))
     words = ["fit", run, tmp_path / "x.npz", "--out", tmp_path / "fits", "--candidates", "2", "--no-novelty", "--trust"]
-    assert "as in training" in refused(*words) and not (tmp_path / "fits").exists()
+    assert "holds volumes" in refused(*words) and not (tmp_path / "fits").exists()
 
 
 # Results of a reproduction
