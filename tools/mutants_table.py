@@ -6294,6 +6294,15 @@ REVIEWED_DATA: tuple[Mutant, ...] = (
     mutant("arrays: blocks that fill their grids are inverted", "data/readers/array_volumes.py",
         " and bool(x.float().mean() <= FULL)", "",
         "data/readers/test_arrays.py::test_volumes_that_are_full_are_refused"),
+    mutant("export: samples of bytes are as they are", "cli/export.py",
+        "return to_floats(x[:n], white_of(x))", "return x[:n].float()",
+        "cli/test_export.py::test_samples_of_bytes_are_those_of_floats"),
+    mutant("export: samples of any values are written", "cli/export.py",
+        'checked_values(values, f"{path}: {name}")', 'checked_values(values, "", of_pictures=False)',
+        "cli/test_export.py::test_samples_that_are_none_are_refused"),
+    mutant("export: one volume, and grids that are no cubes, are written", "cli/export.py",
+        'x = cubes(path, name, x) if name == "volume" else x', "pass",
+        "cli/test_export.py::test_samples_that_are_none_are_refused"),
 )  # fmt: skip
 
 

@@ -176,6 +176,45 @@ def test_parts_that_float_are_removed_unless_they_shall_stay(tmp_path, flags, ke
         assert next(iter(arrays.values())).sum((1, 2, 3)).tolist() == kept
 
 
+@pytest.mark.parametrize("name, shape", [("volume", (2, 8, 8, 8)), ("image", (2, 1, 8, 8))])
+def test_samples_of_bytes_are_those_of_floats(tmp_path, name, shape):
+    x = np.zeros(shape, np.float32)
+    x[..., 2:6, 2:6] = 1
+    written = []
+    for k, form in enumerate((x, x > 0, (x * 255).astype(np.uint8), x.astype(np.float64))):
+        np.savez(tmp_path / "x.npz", **{name: form})
+        assert main(["export", str(tmp_path / "x.npz"), "--out", str(tmp_path / f"{k}.png")]) == 0
+        assert main(["export", str(tmp_path / "x.npz"), "--to", "npz", "--out", str(tmp_path / "y.npz")]) == 0
+        with np.load(tmp_path / "y.npz") as arrays:
+            assert np.array_equal(arrays[name], x) and arrays[name].dtype == np.float32
+        written.append((tmp_path / f"{k}.png").read_bytes())
+    assert len({*written}) == 1
+
+
+@pytest.mark.parametrize(
+    "name, values, said",
+    [
+        ("volume", np.full((2, 8, 8, 8), 2.0, np.float32), "values run from 2 to 2; scale pictures and volumes"),
+        ("image", np.full((2, 1, 8, 8), -1.0, np.float32), "values run from -1 to -1; scale pictures and volumes"),
+        ("volume", np.full((2, 8, 8, 8), np.nan, np.float32), "values that are NaN or infinite"),
+        ("volume", np.ones((8, 8, 8), np.float32), "(8, 8, 8); volumes are (N, X, Y, Z) with X = Y = Z"),
+        ("volume", np.ones((2, 8, 8, 6), np.float32), "(2, 8, 8, 6); volumes are (N, X, Y, Z) with X = Y = Z"),
+        ("volume", np.ones((2, 8, 8, 8), np.int64), "is of type int64; save it as bool, uint8 or float32"),
+        ("image", np.ones((2, 8, 8), np.float32), "(2, 8, 8); save (N, 1, H, W) or (N, 3, H, W)"),
+        (
+            "other",
+            np.ones((2, 8, 8), np.float32),
+            "holds no array 'volume'; use a file that `unproject sample` wrote\n",
+        ),
+    ],
+)
+def test_samples_that_are_none_are_refused(tmp_path, capsys, name, values, said):
+    np.savez(tmp_path / "x.npz", **{name: values})
+    assert main(["export", str(tmp_path / "x.npz"), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"unproject: {tmp_path / 'x.npz'}: ") and said in error and error.count("\n") == 1
+
+
 @pytest.mark.parametrize("shape", [(2, 1, 8, 8), (8, 8), (1, 2, 8, 8, 8)])
 def test_arrays_that_are_no_volumes_are_one_line_and_status_2(tmp_path, capsys, shape):
     np.savez(tmp_path / "x.npz", volume=np.ones(shape, np.float32))

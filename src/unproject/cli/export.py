@@ -113,7 +113,7 @@ def _found(
     if size is not None:
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
     domain = domain_of_arrays(arrays)
-    return Found(_sampled_before(source, arrays, domain, _some(n)), domain)
+    return Found(_sampled_before(source, arrays, domain.name, _some(n)), domain)
 
 
 def _count(n: int | None, only: tuple[int, ...]) -> int | None:
@@ -217,23 +217,26 @@ def _hull(volumes: Any) -> Any:
     return visual_hull(torch.as_tensor(volumes, dtype=torch.float32))
 
 
-def _sampled_before(path: Path, arrays: Mapping[str, Any], domain: Domain, n: int) -> Any:
-    """The first samples of those that were stored, as float32."""
-    import numpy as np
+def _sampled_before(path: Path, arrays: Mapping[str, Any], name: str, n: int) -> Any:
+    """Return the first samples of those that were stored, "volume" or "image", as float32.
 
-    from ..ops.maps import MAPS
+    Raises:
+        UserError: if there are none, or their values or axes are not those that `unproject sample` writes.
+    """
+    from ..data.readers.array_volumes import cubes
+    from ..data.readers.arrays import checked_values
+    from ..data.readers.found import to_floats, white_of
 
-    found = {name: arrays[name] for name in (domain.name, *MAPS) if name in arrays}
-    for name, values in found.items():
-        if values.dtype.kind not in "fiub" or values.ndim < 3 or values.size == 0:
-            raise UserError(
-                f"{path}: {name} is {values.dtype} {values.shape}; use a file that `unproject sample` wrote"
-            )
-    try:
-        with np.errstate(over="ignore"):
-            return domain.samples({name: values[:n].astype(np.float32) for name, values in found.items()})
-    except ValueError as error:
-        raise UserError(f"{path}: {error}: use a file that `unproject sample` wrote") from error
+    if name not in arrays:
+        raise UserError(f"{path}: holds no array {name!r}; use a file that `unproject sample` wrote")
+    values = arrays[name]
+    if name == "image" and (values.ndim != 4 or values.shape[1] not in (1, 3)):
+        raise UserError(
+            f"{path}: image is {values.dtype} {values.shape}; save (N, 1, H, W) or (N, 3, H, W), as `unproject sample`"
+        )
+    x = checked_values(values, f"{path}: {name}")
+    x = cubes(path, name, x) if name == "volume" else x
+    return to_floats(x[:n], white_of(x))
 
 
 def _report(written: Written) -> None:
