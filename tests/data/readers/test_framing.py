@@ -69,6 +69,54 @@ def test_alpha_is_the_mask_if_it_is_not_opaque_and_is_ignored_if_it_is():
     assert np.array_equal(frame(opaque, 32).image, frame(mask, 32).image)
 
 
+def photographed(rim: tuple[int, int] = (0, 0), corner: int = 0) -> np.ndarray:
+    """A brown tall thing before a pale backdrop, (100, 100, 4), with a rim and corners that are transparent."""
+    photo = np.full((100, 100, 4), (0.9, 0.9, 0.85, 1), np.float32)
+    photo[20:80, 40:60, :3] = (0.5, 0.3, 0.2)
+    photo[20:50, 40:60, :3] = (0.8, 0.6, 0.5)
+    y, x = np.mgrid[:100, :100] + 0.5
+    outside = np.hypot(*(np.clip(np.abs(z - 50) - (50 - corner), 0, None) for z in (y, x))) > corner
+    outside[:, : rim[0]] = outside[: rim[1]] = outside[100 - rim[1] :] = True
+    photo[outside & (corner + sum(rim) > 0)] = 0
+    return photo
+
+
+@pytest.mark.parametrize(
+    "changed", [{}, {"rim": (1, 0)}, {"rim": (4, 0)}, {"rim": (1, 1)}, {"corner": 4}, {"corner": 20}]
+)
+def test_transparency_that_cuts_nothing_out_leaves_a_photograph(changed) -> None:
+    photo = photographed(**changed)
+    photo[50, 5, 3] = 0.5 / 255
+    for rule in (Framing(), Framing(mode="keep")):
+        found, opaque = (frame(picture, 32, rule) for picture in (photo, photographed()))
+        assert (found.channel, found.background) == ("photograph", "light") and not found.cut
+        assert np.array_equal(found.image, opaque.image) and (found.width, found.height) == (100, 100)
+    if "rim" in changed:
+        photo[..., :3] = landscape()
+        with pytest.raises(UnusablePicture, match="no plain backdrop: .*; its transparency cuts nothing out"):
+            frame(photo, 32)
+
+
+def test_boxes_that_are_cut_out_stay_cut_outs() -> None:
+    """A door whose margins are wide; black ones and slanted ones that nearly fill the picture."""
+    door = photographed()
+    door[..., 3] = 0
+    door[8:92, 30:70, 3] = 1
+    plain, slanted = (np.zeros((100, 100, 4), np.float32) for _ in range(2))
+    plain[2:98, 2:98, 3] = 1
+    slanted[..., :3] = photographed()[..., :3]
+    slanted[..., 3] = np.arange(100)[:, None] >= np.arange(100) * 0.08
+    for box in (door, plain, slanted):
+        found = frame(box, 32)
+        assert found.channel == "alpha" and np.array_equal(found.image, frame(box[..., 3], 32).image)
+
+
+def test_masks_within_rims_tell_the_usual_polarity() -> None:
+    inverted = photographed((2, 2), 10)
+    inverted[..., :3] = np.where(inverted[..., :1] < 0.6, 0, 1)
+    assert Framing().as_most([inverted]).undecided == "dark"
+
+
 def test_threshold_decides_what_belongs_to_the_object():
     picture = disc(100, 100, 50, 50, 20) + 0.4 * (disc(100, 100, 50, 50, 40) - disc(100, 100, 50, 50, 20))
     small = frame(picture, 64, Framing(mode="keep", photo_threshold=0.5)).image.mean()

@@ -1,6 +1,7 @@
 """Framing: the one rule by which a picture becomes a silhouette in the frame.
 
-1. Coverage. If the picture has an alpha channel that is not fully opaque, its coverage is the alpha. Otherwise it
+1. Coverage. If the picture has an alpha channel that cuts something out, its coverage is the alpha; rims around
+   photographs, rounded corners and single pixels cut nothing out (`opaque_part`) and are left out. Otherwise it
    is the distance from the background, d = max over channels |I - b|, where b is the median colour of the
    border. So a white mask on black, a black mask on white and a product photograph on a plain backdrop all give
    coverage near 0 outside the object: the polarity is read off the border. Of a mask whose object takes more than a
@@ -38,6 +39,8 @@ from torch.nn import functional
 from ..._pictures import UnusablePicture
 from ..._types import UserError
 from ...ops.resampling import interval_shares
+from .borders import border, border_colour, bounding_box
+from .transparency import NO_MARGINS, opaque_part
 
 Mode = Literal["crop", "keep"]
 Polarity = Literal["auto", "light", "dark"]
@@ -98,7 +101,7 @@ class Framing:
             return self
         told, masks = [], 0
         for picture in pictures:
-            coverage, background = coverage_of(picture)
+            coverage, background = coverage_of(opaque_part(picture)[0])
             if background != "transparent" and is_mask(coverage):
                 masks += 1
                 told += [background] if _is_told(coverage >= 0.5) else []
@@ -140,7 +143,7 @@ def _is_told(mask: np.ndarray) -> bool:
     What stands on the border takes a smaller share of it than of the picture; the ground in the corners of a picture
     that was cut closely, taken for the object, a larger one.
     """
-    return bool(_border(mask).mean() <= min(TOUCHED, mask.mean()))
+    return bool(border(mask).mean() <= min(TOUCHED, mask.mean()))
 
 
 def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Framed:
@@ -151,25 +154,36 @@ def frame(picture: np.ndarray, size: int, framing: Framing | None = None) -> Fra
     """
     rule = Framing() if framing is None else framing
     picture = picture[..., None] if picture.ndim == 2 else picture
-    labels = rule.threshold is not None
-    coverage, background = coverage_of(picture, rule.polarity, labels)
-    untold = rule.close or _border(coverage >= 0.5).mean() > TOUCHED
-    if untold and rule.polarity == "auto" and background != "transparent" and is_mask(coverage):
-        coverage, background = coverage_of(picture, rule.undecided, labels)
-    channel = "alpha" if background == "transparent" else "luminance"
-    cut, parts = False, 1
-    if rule.threshold is not None:
-        photograph = channel == "luminance" and not is_mask(coverage)
-        channel = "photograph" if photograph else channel
-        coverage = without_specks(coverage >= (rule.photo_threshold if photograph else rule.threshold))
-        _check_object(coverage, rule.min_pixels)
-        if photograph and rule.polarity == "auto":
-            _check_backdrop(coverage)
-        cut, parts = _is_cut(coverage), _parts_of(coverage)
+    part, margins = (picture, NO_MARGINS) if rule.threshold is None else opaque_part(picture)
+    try:
+        coverage, channel, background = _object_of(part, rule)
+    except UnusablePicture as reason:
+        rim = "" if part is picture else "; its transparency cuts nothing out"
+        raise UnusablePicture(f"{reason}{rim}") from None
+    cut, parts = (_is_cut(coverage), _parts_of(coverage)) if rule.threshold is not None else (False, 1)
+    coverage = np.pad(coverage, margins)
     window = whole_window(coverage) if rule.mode == "keep" else object_window(coverage, rule.fill)
     image = torch.from_numpy(area_resample(coverage, window, size))[None]
     height, width = coverage.shape
     return Framed((image >= 0.5).float() if rule.binary else image, channel, background, width, height, cut, parts)
+
+
+def _object_of(picture: np.ndarray, rule: Framing) -> tuple[np.ndarray, str, str]:
+    """Steps 1 and 2: the coverage (H, W) of a picture (H, W, C), its channel and its background."""
+    labels = rule.threshold is not None
+    coverage, background = coverage_of(picture, rule.polarity, labels)
+    untold = rule.close or border(coverage >= 0.5).mean() > TOUCHED
+    if untold and rule.polarity == "auto" and background != "transparent" and is_mask(coverage):
+        coverage, background = coverage_of(picture, rule.undecided, labels)
+    channel = "alpha" if background == "transparent" else "luminance"
+    if rule.threshold is None:
+        return coverage, channel, background
+    photograph = channel == "luminance" and not is_mask(coverage)
+    coverage = without_specks(coverage >= (rule.photo_threshold if photograph else rule.threshold))
+    _check_object(coverage, rule.min_pixels)
+    if photograph and rule.polarity == "auto":
+        _check_backdrop(coverage)
+    return coverage, "photograph" if photograph else channel, background
 
 
 def coverage_of(picture: np.ndarray, polarity: Polarity = "auto", labels: bool = True) -> tuple[np.ndarray, str]:
@@ -223,16 +237,6 @@ def without_specks(mask: np.ndarray) -> np.ndarray:
     return mask.astype(np.float32)
 
 
-def border_colour(picture: np.ndarray) -> np.ndarray:
-    """The median colour (C,) of a picture's outermost pixels."""
-    return np.median(_border(picture), axis=0)
-
-
-def _border(picture: np.ndarray) -> np.ndarray:
-    """The outermost pixels (P, ...) of a picture (H, W, ...)."""
-    return np.concatenate((picture[0], picture[-1], picture[:, 0], picture[:, -1]))
-
-
 def is_mask(coverage: np.ndarray) -> bool:
     """Whether nine in ten pixels inside the object, its soft edge left aside, are nearly as far as can be."""
     inside = coverage[binary_erosion(coverage > 0.1, iterations=2)]
@@ -245,13 +249,13 @@ def _check_object(mask: np.ndarray, min_pixels: int) -> None:
         raise UnusablePicture("empty: no pixel reaches the threshold")
     if share > 0.99:
         raise UnusablePicture("full: the object covers the whole picture, no outline is left")
-    _, height, width = _bounding_box(mask)
+    _, height, width = bounding_box(mask)
     if max(height, width) < min_pixels:
         raise UnusablePicture(f"too small: the object is {width} x {height} pixels, {min_pixels} are needed")
 
 
 def _check_backdrop(mask: np.ndarray) -> None:
-    share = _border(mask).mean()
+    share = border(mask).mean()
     if share > UNEVEN:
         raise UnusablePicture(
             f"no plain backdrop: {share:.0%} of the photograph's border differ from it; cut the object out, or give "
@@ -261,7 +265,7 @@ def _check_backdrop(mask: np.ndarray) -> None:
 
 def object_window(mask: np.ndarray, fill: float) -> Window:
     """Step 3: (top, left, side) in pixels of the square in which the object is centred."""
-    (top, left), height, width = _bounding_box(mask)
+    (top, left), height, width = bounding_box(mask)
     side = max(height, width) / fill
     return top + height / 2 - side / 2, left + width / 2 - side / 2, side
 
@@ -271,11 +275,6 @@ def whole_window(mask: np.ndarray) -> Window:
     height, width = mask.shape
     side = max(height, width)
     return (height - side) / 2, (width - side) / 2, float(side)
-
-
-def _bounding_box(mask: np.ndarray) -> tuple[tuple[int, int], int, int]:
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return (rows[0], columns[0]), int(rows[-1] - rows[0] + 1), int(columns[-1] - columns[0] + 1)
 
 
 def area_resample(image: np.ndarray, window: Window, size: int) -> np.ndarray:
