@@ -5733,7 +5733,7 @@ FINDINGS = (
         "    if labels.sum() <= void.sum() or", "    if highest < NEAR or labels.sum() <= void.sum() or",
         "data/readers/test_framing.py::test_labels_of_parts_are_one_object"),
     mutant("pictures: the void of a segmentation is as bright as its palette says", "_pictures.py",
-        'picture = _labels(picture) if picture.mode == "P" else picture', "pass",
+        'picture = _labels(picture) if labels and picture.mode == "P" else picture', "pass",
         "data/readers/test_pictures.py::test_a_segmentation_with_a_palette_is_its_labels"),
     mutant("arrays: grey pictures of three channels are kept as they are", "data/readers/array_masks.py",
         "return pictures[:, :1]", "return pictures",
@@ -6327,6 +6327,12 @@ REVIEWED_DATA: tuple[Mutant, ...] = (
     mutant("framing: rims tell the polarity of masks", "data/readers/framing.py",
         "coverage_of(opaque_part(picture)[0])", "coverage_of(picture)",
         "data/readers/test_framing.py::test_masks_within_rims_tell_the_usual_polarity"),
+    mutant("pictures: palettes with 255 are labels where pictures are as they are", "_pictures.py",
+        'if labels and picture.mode == "P"', 'if picture.mode == "P"',
+        "data/readers/test_pictures.py::test_a_palette_is_kept_where_pictures_are_as_they_are"),
+    mutant("pictures: a mask of a palette's first and last colour is a segmentation", "_pictures.py",
+        "values <= {0, VOID} or len(values) > MOST_LABELS", "len(values) > MOST_LABELS",
+        "data/readers/test_pictures.py::test_a_palette_is_kept_where_pictures_are_as_they_are"),
 )  # fmt: skip
 
 

@@ -186,8 +186,11 @@ def _reason(text: str) -> str:
     return " ".join(text.split())[:120] or "unknown format"
 
 
-def read_displayed(file: Path) -> np.ndarray:
+def read_displayed(file: Path, labels: bool = False) -> np.ndarray:
     """Read a picture (H, W, C), C = 1 to 4, turned as its camera says: uint8, or float32 in [0, 1] of deeper grey ones.
+
+    Args:
+        labels: read segmentations with a palette as their labels.
 
     Raises:
         UnusablePicture: if it cannot be read, or is so large that Pillow takes it for a decompression bomb.
@@ -201,7 +204,7 @@ def read_displayed(file: Path) -> np.ndarray:
             # From a stream: what Pillow maps into memory it takes for as wide as it is high if Exif turns it.
             with file.open("rb") as stream, Image.open(stream) as picture:
                 check_sides(*picture.size)
-                return _displayed(picture)
+                return _displayed(picture, labels)
     except UnusablePicture:
         raise
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
@@ -227,14 +230,14 @@ def _cause(error: BaseException) -> str:
     return " ".join(text.split()) or type(error).__name__
 
 
-def _displayed(picture: Image.Image) -> np.ndarray:
+def _displayed(picture: Image.Image, labels: bool) -> np.ndarray:
     from PIL import ImageOps
 
     _check_one(picture)
     if picture.mode.startswith(("I", "F")):
         _check_depth(picture)
         return _deep(ImageOps.exif_transpose(picture))
-    picture = _labels(picture) if picture.mode == "P" else picture
+    picture = _labels(picture) if labels and picture.mode == "P" else picture
     transparent = "A" in picture.getbands() or "transparency" in picture.info
     grey = picture.mode in ("1", "L", "LA")
     mode = ("LA" if grey else "RGBA") if transparent else ("L" if grey else "RGB")
@@ -246,10 +249,10 @@ def _displayed(picture: Image.Image) -> np.ndarray:
 def _labels(picture: Image.Image) -> Image.Image:
     """Return a segmentation with a palette, as those of Pascal VOC are, as its labels; other pictures as they are.
 
-    Of its values, few, 255 is the void around objects, whatever colour it is shown in.
+    Of its values, few, 255 is the void around objects, whatever colour it is shown in; of 0 and 255 alone it is not.
     """
     values = {value for _, value in picture.getcolors() or ()}
-    if VOID not in values or len(values) > MOST_LABELS or "transparency" in picture.info:
+    if VOID not in values or values <= {0, VOID} or len(values) > MOST_LABELS or "transparency" in picture.info:
         return picture
     labels = picture.copy()
     labels.putpalette([value for value in range(256) for _ in "RGB"])

@@ -24,7 +24,7 @@ def read_silhouettes(files: Sequence[Path], size: int) -> Collection:
     images = []
     for file in _checked(files):
         try:
-            images.append(frame(unit_values(read_displayed(file)), size, Framing()).image)
+            images.append(frame(unit_values(read_displayed(file, labels=True)), size, Framing()).image)
         except UnusablePicture as reason:
             raise UserError(f"{file}: {reason}; give another picture of it") from None
     return Collection(torch.stack(images), names=[str(file) for file in files], source=str(files[0]))

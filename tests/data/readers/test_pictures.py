@@ -18,7 +18,7 @@ from PIL import Image
 from unproject import _pictures
 from unproject._pictures import read_displayed
 from unproject._types import UserError
-from unproject.data import Framing, ReadOptions, pack, read
+from unproject.data import Collection, Framing, ReadOptions, pack, read
 from unproject.data.readers.sides import picture_count, size_of_picture
 
 
@@ -82,6 +82,24 @@ def test_a_segmentation_with_a_palette_is_its_labels(tmp_path):
     Image.fromarray(mask).save(tmp_path / "mask.png")
     found = read(tmp_path, 32).floats()
     assert torch.equal(found[0], found[1])
+
+
+def test_a_palette_is_kept_where_pictures_are_as_they_are(tmp_path: Path) -> None:
+    """And where 255 is the one value beside 0, or one colour of many of a drawing."""
+    values = np.zeros((40, 40), np.uint8)
+    values[10:30, 16:24], values[30:32, 16:24] = 255, 3
+    colours = [200] * 768
+    colours[9:12], colours[765:] = (90, 60, 30), (10, 20, 30)
+    for name, kept in (("few", np.where(values == 3, 255, values)), ("drawing", values)):
+        (tmp_path / name).mkdir()
+        picture = Image.fromarray(kept.astype(np.uint8))
+        picture.putpalette(colours)
+        picture.save(tmp_path / name / "a.png")
+        picture.convert("RGB").save(tmp_path / name / "b.png")
+        images = Collection.images(tmp_path / name, colour=True).items
+        assert torch.equal(images[0], images[1]) and images[0, :, 15, 20].tolist() == [10, 20, 30]
+    found = read(tmp_path / "few", 32).floats()
+    assert torch.equal(found[0], found[1]) and 0.2 < found[0].mean() < 0.4
 
 
 def test_sixteen_bits_are_shares_of_65535(tmp_path):

@@ -77,12 +77,12 @@ def _some(files: Sequence[Path]) -> Iterator[np.ndarray]:
     for row in spread_rows(len(files), LOOKED_AT).tolist():
         if files[row].suffix.lower() in SUFFIXES:
             with suppress(UnusablePicture):
-                yield unit_values(read_displayed(files[row]))
+                yield unit_values(read_displayed(files[row], labels=True))
 
 
 def _silhouette(file: Path, size: int, framing: Framing) -> Item:
     """The coverage (1, size, size) of a framed picture, in 8 bits."""
-    framed = frame(unit_values(read_displayed(file)), size, framing)
+    framed = frame(unit_values(read_displayed(file, labels=True)), size, framing)
     kind = "alpha" if framed.channel == "alpha" else f"{framed.channel} on {framed.background} background"
     kind += f", in {framed.parts} parts" if framed.parts > 1 else ""
     kind += ", cut off by the border it seems" if framed.cut else ""
