@@ -6333,6 +6333,15 @@ REVIEWED_DATA: tuple[Mutant, ...] = (
     mutant("pictures: a mask of a palette's first and last colour is a segmentation", "_pictures.py",
         "values <= {0, VOID} or len(values) > MOST_LABELS", "len(values) > MOST_LABELS",
         "data/readers/test_pictures.py::test_a_palette_is_kept_where_pictures_are_as_they_are"),
+    mutant("resume: other data are other panels", "training/compatibility.py",
+        'if name == "panels" else ""', 'if name == "" else ""',
+        "training/test_description.py::test_a_run_goes_on_where_silhouettes_are_rendered_by_another_kernel"),
+    mutant("resume: held-out pictures are none of the data", "training/compatibility.py",
+        ', *_collections({"data": each.get("held_out")})]', "]",
+        "training/test_description.py::test_held_out_pictures_are_counted_with_the_data"),
+    mutant("resume: other panels are other data", "training/compatibility.py",
+        "if not matches(old, new):", "if True:",
+        "training/test_description.py::test_what_differs_of_panels_beside_their_data_is_their_panels"),
 )  # fmt: skip
 
 

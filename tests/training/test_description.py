@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from toy import toy
 
 from unproject import recipes
 from unproject._types import UserError
@@ -72,8 +74,32 @@ def test_a_run_goes_on_where_silhouettes_are_rendered_by_another_kernel(
     monkeypatch.setenv("UNPROJECT_NATIVE", "0")
     assert resume(run.path, steps=2, quiet=True).step == 2
     np.savez(tmp_path / "chairs.npz", voxels=chairs(12, 16, seed=4).numpy() > 0.5)
-    with pytest.raises(UserError, match="panels differs from when the run was started"):
+    differ = r"run: the data differ from those that the run was started with \(.*\); restore them, or begin"
+    with pytest.raises(UserError, match=differ) as told:
         resume(run.path, steps=3, quiet=True)
+    assert "items then" not in str(told.value)
+    np.savez(tmp_path / "chairs.npz", voxels=chairs(10, 16, seed=3).numpy() > 0.5)
+    with pytest.raises(UserError, match=r"\(.*chairs.npz.*: 192 items then, 160 now\); restore them"):
+        resume(run.path, steps=3, quiet=True)
+
+
+def test_held_out_pictures_are_counted_with_the_data(tmp_path: Path) -> None:
+    recipe = toy(views="predicted", steps=1)
+    (panel,) = recipe.panels
+    held_out = Collection(panel.collections[0].items[:3])
+    run = train(recipe.replace(panels=[replace(panel, held_out=held_out)]), tmp_path / "run", quiet=True)
+    fewer = recipe.replace(panels=[replace(panel, held_out=Collection(held_out.items[:2]))])
+    count = len(panel)
+    with pytest.raises(UserError, match=rf"\(.*: {count + 3} items then, {count + 2} now\); restore them"):
+        resume(run.path, fewer, quiet=True)
+
+
+def test_what_differs_of_panels_beside_their_data_is_their_panels(tmp_path: Path) -> None:
+    recipe = toy(views="known", steps=1)
+    run = train(recipe, tmp_path / "run", quiet=True)
+    (panel, *others) = recipe.panels
+    with pytest.raises(UserError, match="panels differs from when the run was started; resume with the same recipe"):
+        resume(run.path, recipe.replace(panels=[replace(panel, weight=2.0), *others], steps=2), quiet=True)
 
 
 @pytest.mark.parametrize("damaged", [None, "x", 3, [None, 1.0]])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from .._objects import module_name
 from .._types import UserError
+from ..assignment import Panel
 from .description import describe, matches
 from .recipe import Recipe
 from .run_directory import BUDGET, read_recipe
@@ -23,10 +25,25 @@ def check_same(path: Path, recipe: Recipe) -> None:
     before, now = _as_described_now(read_recipe(path)["resolved"]), json.loads(json.dumps(describe(recipe)))
     for name in before | now:
         if name not in HARMLESS and not matches(before.get(name), now.get(name)):
+            why = _which_data_differ(before.get(name), recipe.panels) if name == "panels" else ""
+            why = why or f"{name} differs from when the run was started; resume with the same recipe and data"
             raise UserError(
-                f"{path}: {name} differs from when the run was started; resume with the same recipe and data, or begin "
-                "a new run, with the weights of this one by train --from (unproject.train(recipe, out, start=path))"
+                f"{path}: {why}, or begin a new run, with the weights of this one by train --from "
+                "(unproject.train(recipe, out, start=path))"
             )
+
+
+def _which_data_differ(before: Any, panels: Sequence[Panel]) -> str:
+    """Say of which panel, of those described before, the data differ, and what to do; "" if none do."""
+    for then, panel in zip(before if isinstance(before, list) else (), panels, strict=False):
+        described = describe(panel)
+        old, new = ([*_collections(each), *_collections({"data": each.get("held_out")})] for each in (then, described))
+        if not matches(old, new):
+            counts = [sum(each["collection"][0] for each in found) for found in (old, new)]
+            numbers = f": {counts[0]} items then, {counts[1]} now" if counts[0] != counts[1] else ""
+            source = panel.collections[0].source
+            return f"the data differ from those that the run was started with ({source}{numbers}); restore them"
+    return ""
 
 
 def _as_described_now(resolved: dict[str, Any]) -> dict[str, Any]:
