@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from unproject._pictures import _silenced, read_displayed, read_stored, write_picture
+from unproject._pictures import UnusablePicture, read_displayed, read_stored, write_picture
+from unproject._silence import silenced
 from unproject._types import UserError
 
 PIXELS = np.random.default_rng(0).random((33, 20, 3)).astype(np.float32)
@@ -74,6 +76,25 @@ def test_half_a_file_is_refused(tmp_path: Path, suffix: str, depth: str, capfd: 
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize("channels, depth", [(3, "float"), (3, "half"), (4, "float")])
+def test_a_tiff_of_floats_in_colour_is_read_as_stored(
+    tmp_path: Path, channels: int, depth: Literal["half", "float"], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Pillow does not identify it."""
+    path, pixels = tmp_path / "a.tif", np.linspace(0, 1, 33 * 20 * channels, dtype=np.float32).reshape(33, 20, channels)
+    write_picture(path, pixels, depth)
+    assert np.abs(read_stored(path).pixels - pixels).max() < 1e-3
+    with pytest.raises(UnusablePicture, match="^holds floats in colour; save it as 8 or 16 bits"):
+        read_displayed(path)
+    for content in (path.read_bytes()[: path.stat().st_size // 2], b"II*\0text"):
+        path.write_bytes(content)
+        with pytest.raises(UserError, match=r"a\.tif"):
+            read_stored(path)
+        with pytest.raises(UnusablePicture):
+            read_displayed(path)
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize("content", [b"", b"text", b"#?RADIANCE\n", b"\x76\x2f\x31\x01" + b"0" * 99])
 @pytest.mark.parametrize("suffix", ["png", "exr", "hdr"])
 def test_what_is_no_picture_is_refused(tmp_path: Path, suffix: str, content: bytes) -> None:
@@ -92,7 +113,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 def test_threads_that_silence_stderr_give_it_back() -> None:
     """The first that comes turns it off, the last that leaves on, in any order."""
-    before, one, two = os.readlink("/proc/self/fd/2"), _silenced(), _silenced()
+    before, one, two = os.readlink("/proc/self/fd/2"), silenced(), silenced()
     one.__enter__()
     two.__enter__()
     assert os.readlink("/proc/self/fd/2") == os.devnull

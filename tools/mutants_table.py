@@ -6342,6 +6342,12 @@ REVIEWED_DATA: tuple[Mutant, ...] = (
     mutant("resume: other panels are other data", "training/compatibility.py",
         "if not matches(old, new):", "if True:",
         "training/test_description.py::test_what_differs_of_panels_beside_their_data_is_their_panels"),
+    mutant("pictures: TIFFs of floats in colour are none", "_pictures.py",
+        "isinstance(error, UnidentifiedImageError) and name.lower().endswith(TIFF)", "False",
+        "test_picture_files.py::test_a_tiff_of_floats_in_colour_is_read_as_stored"),
+    mutant("pictures: it is not said that floats in colour are none to display", "_pictures.py",
+        'if found is not None and "int" not in str(found.spec().format):', "if False:",
+        "test_picture_files.py::test_a_tiff_of_floats_in_colour_is_read_as_stored"),
 )  # fmt: skip
 
 

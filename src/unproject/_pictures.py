@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 import os
-import threading
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from ._files import atomic_path, check_unpacked
+from ._silence import silenced
 from ._types import UserError
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 MOST_PIXELS, LONGEST = 2**27, 2**15  # 11600², and pixels a side: larger ones are mistakes or bombs
 OVERSHOOT = 0.02  # how far filters may take stored floats out of [0, 1]
-BITS_PER_SAMPLE = 258  # TIFF's tag
+TIFF, BITS_PER_SAMPLE = (".tif", ".tiff"), 258  # and its tag
 MOST_SHOWN = 2**24
 """Pixels of which more make a displayed picture be read at half its size, or a third, ..."""
 VOID, MOST_LABELS = 255, 32
@@ -55,7 +54,7 @@ def read_stored(path: str | os.PathLike[str]) -> Picture:
     name = os.fspath(path)
     if not os.path.isfile(name):
         raise UserError(f"{name}: there is no such file; check the path")
-    with _silenced():
+    with silenced():
         if not name.lower().endswith((".hdr", ".exr")):
             _decoded(name)
         config = oiio.ImageSpec()
@@ -99,47 +98,9 @@ def _check_size(name: str, width: int, height: int, channels: int) -> None:
     check_unpacked(name, 4 * width * height * channels)
 
 
-_silence = threading.Lock()
-_silent: list[int] = []
-"""The descriptor that stderr had, once for each thread that is in `_silenced`."""
-
-
-@contextmanager
-def _silenced() -> Iterator[None]:
-    """Keep the libraries that decode pictures from writing to stderr: what is wrong is said once, by us.
-
-    stderr is the process's: the first thread that comes turns it off, the last that leaves turns it on again.
-    """
-    with _silence:
-        _silent.append(_silent[0] if _silent else _turned_off(2))
-    try:
-        yield
-    finally:
-        with _silence:
-            stderr = _silent.pop()
-            if not _silent and stderr != CLOSED:
-                os.dup2(stderr, 2)
-                os.close(stderr)
-
-
-CLOSED = -1
-
-
-def _turned_off(descriptor: int) -> int:
-    """Let a descriptor write nowhere; return one that writes where it did, or `CLOSED` if it was closed."""
-    try:
-        kept = os.dup(descriptor)
-    except OSError:
-        return CLOSED
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, descriptor)
-    os.close(nowhere)
-    return kept
-
-
 def _decoded(name: str) -> None:
     """Pillow reads ordinary pictures first: it tells damaged ones more reliably."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
@@ -150,6 +111,8 @@ def _decoded(name: str) -> None:
     except UserError:
         raise
     except Exception as error:  # its decoders raise whatever damaged files make them run into
+        if isinstance(error, UnidentifiedImageError) and name.lower().endswith(TIFF):
+            return  # it reads no floats in colour
         raise UserError(f"{name}: not a picture that can be read ({_reason(str(error))}); give a whole .png") from error
 
 
@@ -198,7 +161,7 @@ def read_displayed(file: Path, labels: bool = False) -> np.ndarray:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with _silenced(), warnings.catch_warnings():
+        with silenced(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             # From a stream: what Pillow maps into memory it takes for as wide as it is high if Exif turns it.
@@ -210,9 +173,21 @@ def read_displayed(file: Path, labels: bool = False) -> np.ndarray:
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise UnusablePicture(f"too large: over {Image.MAX_IMAGE_PIXELS} pixels; make it smaller") from None
     except UnidentifiedImageError:
-        raise UnusablePicture("unreadable: no picture of a known format") from None
+        raise UnusablePicture(_why_unidentified(file)) from None
     except Exception as error:  # its decoders raise whatever damaged files make them run into
         raise UnusablePicture(f"unreadable: {_cause(error)}") from None
+
+
+def _why_unidentified(file: Path) -> str:
+    """Say of a picture that Pillow does not identify whether it is one that OpenImageIO reads."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    with silenced():
+        found = oiio.ImageInput.open(str(file)) if file.suffix.lower() in TIFF else None
+        if found is not None and "int" not in str(found.spec().format):
+            return "holds floats in colour; save it as 8 or 16 bits"
+    oiio.geterror()  # which would be told at the end of the process
+    return "unreadable: no picture of a known format"
 
 
 def check_sides(width: int, height: int) -> None:
