@@ -6348,6 +6348,18 @@ REVIEWED_DATA: tuple[Mutant, ...] = (
     mutant("pictures: it is not said that floats in colour are none to display", "_pictures.py",
         'if found is not None and "int" not in str(found.spec().format):', "if False:",
         "test_picture_files.py::test_a_tiff_of_floats_in_colour_is_read_as_stored"),
+    mutant("files: those with two underscores are hidden", "_files.py",
+        'name.startswith(".") or', 'name.startswith((".", "__")) or',
+        "data/readers/test_shapes.py::test_hidden_folders_are_left_out"),
+    mutant("shapes: sizes that cannot be learned are told by inner parts", "recipes/sizes.py",
+        "if size is not None and size not in SIZES:", "if False:",
+        "recipes/test_sizes.py::test_sizes_at_which_shapes_cannot_be_learned_are_refused"),
+    mutant("evaluate: one picture names no file", "cli/evaluate.py",
+        "if len(part) == 1 and tuple(shape)", "if False and tuple(shape)",
+        "cli/test_results.py::test_one_picture_is_no_set_to_compare_with"),
+    mutant("inspect: a sheet's name is refused after the table", "cli/data.py",
+        "        check_name(out)\n", "        pass\n",
+        "data/test_inspection.py::test_the_verb_shows_why_nothing_can_be_used_and_then_fails"),
 )  # fmt: skip
 
 

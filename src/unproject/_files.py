@@ -209,8 +209,9 @@ def files_with(folder: Path, suffixes: Sequence[str]) -> list[Path]:
 
 
 def is_hidden(path: Path, folder: Path) -> bool:
-    """Whether a part of a path, below a folder, is hidden, or made by a system that hides it."""
-    return any(part.startswith((".", "__")) for part in path.relative_to(folder).parts)
+    """Whether a part of a file's path, below a folder, is hidden, or a folder made by a system that hides it."""
+    *folders, name = path.relative_to(folder).parts
+    return name.startswith(".") or any(part.startswith((".", "__")) for part in folders)
 
 
 @contextmanager

@@ -212,6 +212,14 @@ def test_scores_can_be_read_by_people_too(
         assert scores.count(mark) > 1 and text not in scores
 
 
+def test_one_picture_is_no_set_to_compare_with(
+    runs: Callable[[str], Path], refused: Callable[..., str], tmp_path: Path
+) -> None:
+    np.savez(tmp_path / "one.npz", image=chairs(1, 16, seed=5).amax(3)[:, None].numpy())
+    said = refused("evaluate", runs("known"), "--trust", "--n", "4", "--reference", tmp_path / "one.npz")
+    assert "one.npz: holds one picture that can be used; give two at least" in said
+
+
 def test_scores_of_equal_numbers_are_told_where_they_differ() -> None:
     scores = {name: Score(value, "as given", 2) for name, value in {"a": 1, "a_equal": 1, "b": 1, "b_equal": 2}.items()}
     told = [line.split()[0] for line in table(scores).splitlines() if line]

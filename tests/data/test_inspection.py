@@ -213,6 +213,7 @@ def test_the_verb_shows_why_nothing_can_be_used_and_then_fails(tmp_path: Path, c
         picture.paste(255, (10, 10, 30, 30))
         picture.save(tmp_path / "e.png")
         inspect_path(tmp_path, out=tmp_path / "sheet.txt")
+    assert not capsys.readouterr().out
 
 
 def test_what_outlines_say_of_cameras_counts_for_pictures_that_were_not_cropped(tmp_path: Path) -> None:

@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from unproject._types import UserError
 from unproject.cli import main
 from unproject.data import chairs, detectors_of, side_of
+from unproject.recipes import find
 from unproject.recipes.digits import digits, digits_paper
 from unproject.recipes.shapes import shapes
 from unproject.recipes.sizes import size_for, size_for_images
@@ -268,3 +270,10 @@ def test_damaged_lines_are_left_to_the_reader(tmp_path: Path, content: bytes | N
         (tmp_path / "scans.npz").write_bytes(content)
     assert detectors_of(tmp_path / "scans.npz") is None and size_for_images(tmp_path / "scans.npz") == 32
     assert size_for_images(None) == 32
+
+
+@pytest.mark.parametrize("recipe", ["shapes", "shapes-paper"])
+@pytest.mark.parametrize("size", [0, -5, 8, 24, 5000])
+def test_sizes_at_which_shapes_cannot_be_learned_are_refused(recipe: str, size: int) -> None:
+    with pytest.raises(UserError, match=f"--size {size}: shapes are learned at 16, 32, 64, 128, 256 voxels a side"):
+        find(recipe)(size=size, steps=1)

@@ -17,16 +17,16 @@ ROWS = 4
 """Of photographs, if there are so few kinds of them."""
 
 
-def write_sheet(found: Inspection, out: Path) -> None:
-    """Draw some of what training gets: silhouettes, graphs, shaded volumes, photographs by their light, or materials.
-
-    Raises:
-        UserError: for a path that is no picture.
-    """
-    from ..data import OBSERVATIONS
-
+def check_name(out: Path) -> None:
+    """Raise UserError for a path that is no picture."""
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg", ".webp"):
         raise UserError(f"{out}: a contact sheet is a picture; name it .png")
+
+
+def write_sheet(found: Inspection, out: Path) -> None:
+    """Draw some of what training gets: silhouettes, graphs, shaded volumes, photographs by light, or materials."""
+    from ..data import OBSERVATIONS
+
     if found.materials is not None:
         return _sheet_of_materials(found.materials, out)
     if {*found.collections} <= {*OBSERVATIONS}:

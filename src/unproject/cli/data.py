@@ -64,6 +64,10 @@ def inspect_path(
         strict: Fail on the first file that cannot be used.
         json: Print one JSON object instead of the table.
     """
+    from ._sheets import check_name, write_sheet
+
+    if out is not None:
+        check_name(out)
     framing = _framing(path, mode, threshold, polarity)
     recipe = for_ or _recipe_for(path, framing)
     found = _inspected(path, recipe, size, framing, strict)
@@ -78,8 +82,6 @@ def inspect_path(
     if recipe == "shapes" and size is None and not json:
         _say_how_to_train(path, found)
     if out is not None:
-        from ._sheets import write_sheet
-
         write_sheet(found, out)
         if path.is_dir() and Path(os.path.realpath(path)) in Path(os.path.realpath(out)).parents:
             print(f"warning: {out}: lies in the folder and will be taken for data; move it", file=sys.stderr)

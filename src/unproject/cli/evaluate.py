@@ -5,10 +5,10 @@ from __future__ import annotations
 import json as json_format
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .._types import UserError
 from ._machine import use_threads
@@ -66,7 +66,8 @@ def run(
     if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
     opened = load(path, trust=trust).with_recipe()
-    size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
+    sample, count, origin = opened.sample(1).shape[1:], n or opened.domain.scored, read_origin(path)
+    size = sample[-1]
     seen = {panel.observations[0].name: panel.shape for panel in opened.recipe().panels}
     if observation is not None:
         if reference is None:
@@ -79,6 +80,8 @@ def run(
         against = references(opened, reference) if patches is None else patches
     else:
         against = held_out(origin, size, count)
+    if reference is not None:
+        _check_several(reference, against, sample)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
     if ceiling and "view_ceiling_exact" not in scores:
         none = "needs predicted views, and pictures whose true views are known"
@@ -125,6 +128,16 @@ def _photographs(path: Path, names: list[str], size: int, seen: Mapping[str, tup
     if few is not None:
         raise UserError(f"{path / few}: holds one picture that can be used; give two at least")
     return {name: found.floats() for name, found in read.items()}
+
+
+def _check_several(path: Path, found: Any, sample: Sequence[int]) -> None:
+    """Refuse a single picture, by itself or of an observation: only samples are compared with one."""
+    from torch import Tensor
+
+    for part in found.values() if isinstance(found, dict) else [found]:
+        shape = part.shape[1:] if isinstance(part, Tensor) else part.shape
+        if len(part) == 1 and tuple(shape) != tuple(sample):
+            raise UserError(f"{path}: holds one picture that can be used; give two at least")
 
 
 def table(scores: Mapping[str, Score]) -> str:

@@ -35,7 +35,7 @@ from .shape_panels import (
     silhouettes_of,
     split_panel,
 )
-from .sizes import shapes_sized_by_data, steps_of
+from .sizes import check_size_of_shapes, shapes_sized_by_data, steps_of
 
 
 @shapes_sized_by_data
@@ -126,6 +126,7 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
+    check_size_of_shapes(size)
     found = pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
     plane, level = mirror_of(mirror, views, found.collection), views != "direct" and bands in (None, 1)
     how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
@@ -189,6 +190,7 @@ def shapes_paper(
         mirror: generate half a volume and reflect it.
         options: fields of `Recipe`.
     """
+    check_size_of_shapes(size)
     silhouette = Silhouette(size=size, rule="alpha", viewport=1.4) if released else Silhouette(size=size)
     generator = partial(
         VoxelGenerator,

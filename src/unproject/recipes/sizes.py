@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .._types import UserError
 from ..data import detectors_of, picture_count, side_of
 from .defaults import Function, with_default
 
@@ -17,6 +18,16 @@ LEAST_MINUTES = 30.0
 MIN_PICTURES = 1000
 """Pictures of a folder below which shapes stay at 32³: of 297 birds and 100 chairs nothing came at 64³ in half an hour,
 where the discriminators learn the few by heart."""
+
+
+SIZES = (16, 32, 64, 128, 256)
+"""Of shapes: generators double from 4, and discriminators halve four times."""
+
+
+def check_size_of_shapes(size: int | None) -> None:
+    """Raise UserError for a size, if one is given, at which shapes cannot be learned."""
+    if size is not None and size not in SIZES:
+        raise UserError(f"--size {size}: shapes are learned at {', '.join(map(str, SIZES))} voxels a side; give one")
 
 
 def steps_of(size: int | None) -> int:

@@ -87,6 +87,8 @@ def photographed(rim: tuple[int, int] = (0, 0), corner: int = 0) -> np.ndarray:
 def test_transparency_that_cuts_nothing_out_leaves_a_photograph(changed) -> None:
     photo = photographed(**changed)
     photo[50, 5, 3] = 0.5 / 255
+    if not changed:
+        photo[0, 30:60, 3] = 0  # a notch, that is no rim
     for rule in (Framing(), Framing(mode="keep")):
         found, opaque = (frame(picture, 32, rule) for picture in (photo, photographed()))
         assert (found.channel, found.background) == ("photograph", "light") and not found.cut

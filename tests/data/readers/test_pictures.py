@@ -98,6 +98,7 @@ def test_a_palette_is_kept_where_pictures_are_as_they_are(tmp_path: Path) -> Non
         picture.convert("RGB").save(tmp_path / name / "b.png")
         images = Collection.images(tmp_path / name, colour=True).items
         assert torch.equal(images[0], images[1]) and images[0, :, 15, 20].tolist() == [10, 20, 30]
+    assert read_displayed(tmp_path / "few" / "a.png", labels=True)[15, 20].tolist() == [10, 20, 30]
     found = read(tmp_path / "few", 32).floats()
     assert torch.equal(found[0], found[1]) and 0.2 < found[0].mean() < 0.4
 

@@ -311,7 +311,7 @@ def test_observations_that_draw_different_latents_are_refused():
 
 
 def test_hidden_folders_are_left_out(tmp_path):
-    for name in ("a.binvox", ".trash/b.binvox", "__MACOSX/c.binvox"):
+    for name in ("a.binvox", ".trash/b.binvox", "__MACOSX/c.binvox", "__private.binvox", ".d.binvox"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         write_binvox(tmp_path / name, np.ones((4, 4, 4), bool))
-    assert Collection.volumes(tmp_path, 4).names == ("a.binvox",)
+    assert Collection.volumes(tmp_path, 4).names == ("__private.binvox", "a.binvox")
