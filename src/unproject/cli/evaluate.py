@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_format
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,8 +66,7 @@ def run(
     if n is not None and n < 1:
         raise UserError(f"--n {n}: give at least 1")
     opened = load(path, trust=trust).with_recipe()
-    sample, count, origin = opened.sample(1).shape[1:], n or opened.domain.scored, read_origin(path)
-    size = sample[-1]
+    size, count, origin = opened.sample(1).shape[-1], n or opened.domain.scored, read_origin(path)
     seen = {panel.observations[0].name: panel.shape for panel in opened.recipe().panels}
     if observation is not None:
         if reference is None:
@@ -80,8 +79,7 @@ def run(
         against = references(opened, reference) if patches is None else patches
     else:
         against = held_out(origin, size, count)
-    if reference is not None:
-        _check_several(reference, against, sample)
+    _check_several(reference, against, opened)
     scores = opened.evaluate(against, n=count, seed=seed, ceiling=ceiling)
     if ceiling and "view_ceiling_exact" not in scores:
         none = "needs predicted views, and pictures whose true views are known"
@@ -130,13 +128,14 @@ def _photographs(path: Path, names: list[str], size: int, seen: Mapping[str, tup
     return {name: found.floats() for name, found in read.items()}
 
 
-def _check_several(path: Path, found: Any, sample: Sequence[int]) -> None:
+def _check_several(path: Path | None, found: Any, run: Run) -> None:
     """Refuse a single picture, by itself or of an observation: only samples are compared with one."""
     from torch import Tensor
 
-    for part in found.values() if isinstance(found, dict) else [found]:
+    parts = () if path is None else found.values() if isinstance(found, dict) else [found]
+    for part in parts:
         shape = part.shape[1:] if isinstance(part, Tensor) else part.shape
-        if len(part) == 1 and tuple(shape) != tuple(sample):
+        if len(part) == 1 and tuple(shape) != tuple(run.sample(1).shape[1:]):
             raise UserError(f"{path}: holds one picture that can be used; give two at least")
 
 

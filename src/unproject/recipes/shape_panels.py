@@ -33,6 +33,7 @@ from ..projections.silhouette import Silhouette, azimuth_bins, azimuth_elevation
 from ..training import Adam
 from ..training.memory import require_memory_to_train
 from .pairing import Views, panel_of
+from .sizes import check_size_of_shapes
 
 PROCEDURAL_CHAIRS = 1000
 BANDS = 12
@@ -143,6 +144,7 @@ def pictures_of(
     The reader crops the pictures of a folder; arrays are taken for cropped if all look so. Others, rendered silhouettes
     and volumes stay as they are. Cropped ones are read twice as large, since most become smaller.
     """
+    check_size_of_shapes(size)
     silhouette = Silhouette(size=size, rule="absorption", density=density)
     observations = silhouette_views(silhouette, bins, bands)
     by_reader = data is not None and Path(data).is_dir() and not holds_shapes(Path(data))

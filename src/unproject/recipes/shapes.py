@@ -126,7 +126,6 @@ def shapes(
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         options: fields of `Recipe`.
     """
-    check_size_of_shapes(size)
     found = pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
     plane, level = mirror_of(mirror, views, found.collection), views != "direct" and bands in (None, 1)
     how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
