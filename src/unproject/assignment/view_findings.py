@@ -86,7 +86,7 @@ def view_findings(real: Tensor, generated: Tensor, silhouettes: Tensor | None = 
 
 
 def mirror_finding(mirrored: float, n: int) -> Finding:
-    """Say what silhouettes leave open that are their own mirror images, where views are found or those of shapes can be told."""
+    """Say what silhouettes leave open that are their own mirror images, where views are found or could be."""
     score = Score(mirrored, "median IoU of a silhouette with its mirror image", n)
     says = f"pictures are their own mirror images (IoU {mirrored:.2f}): round objects would explain them as well"
     advice = "look at the shapes; --axisymmetric 6, or more, prefers round ones"
