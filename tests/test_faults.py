@@ -378,7 +378,7 @@ def test_an_argument_that_the_recipe_does_not_take(run: Path, refused: Callable[
     assert "does not take sizes" in refused("resume", run)
 
 
-def test_data_that_changed_is_refused_by_the_field(tmp_path: Path, refused: Callable[..., str]) -> None:
+def test_data_that_changed_are_named(tmp_path: Path, refused: Callable[..., str]) -> None:
     data, run = tmp_path / "masks.npz", tmp_path / "run"
     images = np.zeros((8, 1, 16, 16), np.float32)
     images[:, :, 4:12, 4:12] = 1
@@ -387,7 +387,9 @@ def test_data_that_changed_is_refused_by_the_field(tmp_path: Path, refused: Call
     assert resume(run) == 0
     images[3, 0, 2] = 1
     np.savez(data, image=images, azimuth=np.zeros(8, np.float32))
-    assert "panels differs" in refused("resume", run, "--trust", "--quiet")
+    assert f"the data differ from those that the run was started with ({data}" in refused(
+        "resume", run, "--trust", "--quiet"
+    )
     data.unlink()
     assert str(data) in refused("resume", run, "--trust", "--quiet")
     assert load(run, trust=True).step == 4
