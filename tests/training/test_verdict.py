@@ -126,6 +126,15 @@ def test_views_are_judged_by_training_pictures_too_if_few_are_held_out(
     assert torch.equal(seen[0][:held_out], held_out_images(panel, 0)[0])
 
 
+def test_no_training_picture_counts_twice_if_none_are_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    panel = Panel(only_panel(RECIPE).observations, Collection(torch.rand(40, 1, SIZE, SIZE)), Predicted())
+    state = panel.assignment.begin(panel, 0)
+    seen: list[torch.Tensor] = []
+    monkeypatch.setattr(type(state), "findings", lambda self, real, generated: seen.append(real) or [])
+    panel_findings(Volumes(), state, chairs(4, SIZE), 0)
+    assert len(seen[0]) == 40 == len(seen[0].flatten(1).unique(dim=0))
+
+
 def test_pictures_of_the_same_object_are_near() -> None:
     panel = only_panel(RECIPE)
     near = are_near(panel, torch.arange(2 * CHAIRS), torch.arange(2 * CHAIRS))

@@ -102,7 +102,7 @@ def panel_findings(domain: Domain, state: AssignmentState, x: Tensor, seed: int)
     seen = evidence(state, x, seed)
     if not seen.is_enough:
         return [few_finding(seen, seed)]
-    every = torch.cat([seen.real, seen.others])
+    every = seen.real if state.panel.held_out is None else torch.cat([seen.real, seen.others])  # each once
     found = state.findings(every[: max(VIEWED, len(seen.real))], seen.generated) + domain.picture_findings(seen, seed)
     shares = state.view_shares(every)
     if shares is not None:
