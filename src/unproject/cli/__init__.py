@@ -22,6 +22,7 @@ from .._parent import stop_with_parent
 from .._types import UserError, is_lack_of_memory
 from ._errors import explain
 from ._processes import PATIENCE, let_others_speak, lost_another
+from ._threads import begin_to_measure
 from ._warnings import held
 
 VERBS = {
@@ -80,6 +81,7 @@ def _run(argv: list[str]) -> int:
     # late that two are no faster than one. GNU's spin for some tenths of a millisecond here, others sleep.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     os.environ.setdefault("GOMP_SPINCOUNT", "20000")
+    begin_to_measure()
     if not argv or argv[0] in ("-h", "--help", "help"):
         print(usage())
         return 0

@@ -7,7 +7,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from .._types import UserError, printable
+from .._types import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -17,23 +17,9 @@ if TYPE_CHECKING:
     from ..domains import Domain
 
 
-MOST_THREADS = 1024
-"""More take the machine's memory for their stacks, and end the process."""
-
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
 """Options of glibc's mallopt (malloc.h)."""
 MAPPED_BYTES = 2**20
-
-
-def use_threads(threads: int | None) -> None:
-    """Let torch use this many threads; None leaves its own choice."""
-    if threads is None:
-        return
-    if not 1 <= threads <= MOST_THREADS:
-        raise UserError(f"--threads {threads}: give 1 to {MOST_THREADS}")
-    import torch
-
-    torch.set_num_threads(threads)
 
 
 def return_memory() -> None:

@@ -7,8 +7,9 @@ import time
 from pathlib import Path
 
 from .._types import UserError
-from ._machine import use_threads, warn_if_empty
+from ._machine import warn_if_empty
 from ._report import leave_report
+from ._threads import use_threads
 from ._verdict import conclude
 
 
@@ -23,7 +24,7 @@ def run(*, out: Path = Path("demo"), minutes: float = 8.0, seed: int = 0, thread
         out: where to put it all.
         minutes: of training.
         seed: of everything random.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: one a core that nobody else keeps busy).
     """
     from .. import export
     from ..recipes.shapes import shapes

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._types import UserError
-from ._machine import use_threads
+from ._threads import use_threads
 from ._verdict import verdict_of, verdict_table
 
 FOOTNOTE_LENGTH = 40
@@ -54,7 +54,7 @@ def run(
         seed: of the samples and of the measurement.
         ceiling: also train a view predictor on the known views, as an upper bound.
         json: print one JSON object: metric → value, protocol, n, seed.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: one a core that nobody else keeps busy).
         trust: import the run's code although it is not of this package.
     """
     from ..recipes.held_out import held_out, patches_of

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .._types import UserError
-from ._machine import use_threads
+from ._threads import use_threads
 from .export import check_format
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def run(
         consistent: complete what is found so that it agrees with line integrals at known angles.
         novelty: compare pictures with those of training, which takes half a minute once a call (not with --light).
         seed: of the search.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: one a core that nobody else keeps busy).
         trust: import the run's code although it is not of this package.
     """
     from ..inversion import Search

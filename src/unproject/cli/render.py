@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from .._types import UserError
-from ._machine import use_threads
 from ._materials import read_maps
+from ._threads import use_threads
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -60,7 +60,7 @@ def run(
         coloured_specular: Of a folder of textures: metals reflect their colour (default: the luminance of it).
         strip: So many pictures side by side (.png) or one after another (.gif): the light goes around, seen from above
             and from --view in turn.
-        threads: Processor threads (default: all cores).
+        threads: Processor threads (default: one a core that nobody else keeps busy).
     """
     from ..ops.microfacet import Reflection
     from ..ops.shading import Sampling

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .._types import UserError
-from ._machine import use_threads
+from ._threads import use_threads
 
 
 def run(
@@ -26,7 +26,7 @@ def run(
         path: the run directory.
         out: the file to write (default: report.html in the run directory).
         data: show training pictures, for which the data are read, or made, again.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: one a core that nobody else keeps busy).
         trust: import the run's code although it is not of this package.
     """
     from ..report import write_report

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ._arguments import bind
-from ._machine import say, use_threads
+from ._machine import say
 from ._processes import in_processes
+from ._threads import use_threads
 
 
 def run(
@@ -31,7 +32,7 @@ def run(
         steps: a new budget in steps in place of the run's own, those already done included.
         minutes: a new budget in minutes in place of the run's own, those already spent included.
         device: where to compute.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: as many as the run began with; others give other numbers).
         processes: processes on this machine, as many as before or not; on several machines use torchrun.
         log: tensorboard keeps the log as an event file of TensorBoard too, in PATH/tensorboard, from the first line on;
             an event file that is there is continued without this flag too.
@@ -40,10 +41,11 @@ def run(
     """
     from ..training import resume
     from ..training.checkpoint import newest_step
+    from ..training.run_directory import threads_of
     from ._report import leave_report
     from ._verdict import conclude
 
-    use_threads(threads)
+    use_threads(threads, before=threads_of(path))
     before = newest_step(path / "checkpoints")
     finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet, log=log)
     spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ._machine import return_memory, use_threads
+from ._machine import return_memory
+from ._threads import use_threads
 
 
 def run(
@@ -27,7 +28,7 @@ def run(
         host: the address to listen at. With another one than this machine's own, other machines can ask too, with the
             token of the printed address, which everyone needs; what is sent is not encrypted.
         example: put a trained run of chairs, which comes with the package, beside the others first.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: one a core that nobody else keeps busy).
         trust: import code of runs although it is not of this package.
     """
     from ..sharing import put_example

@@ -40,7 +40,7 @@ def run(
         out: the run directory to make (default: runs/RECIPE-SEED).
         from_: a run whose weights to start from, to fine-tune its generator on other data (default: random weights).
         device: where to compute.
-        threads: processor threads (default: all cores).
+        threads: processor threads (default: one a core that nobody else keeps busy).
         processes: processes on this machine, one for each GPU, with a batch each; on several machines use torchrun.
         quiet: no progress bar, and no verdict on the screen.
         log: tensorboard keeps the log as an event file of TensorBoard too, in OUT/tensorboard; resume goes on with it.
@@ -49,8 +49,9 @@ def run(
     from ..training import train
     from ..training.building import is_foreign
     from ..training.run_directory import check_free
-    from ._machine import say, use_threads, warn_if_empty
+    from ._machine import say, warn_if_empty
     from ._report import leave_report
+    from ._threads import use_threads
     from ._verdict import conclude
     from ._warnings import release
 

@@ -65,6 +65,15 @@ def _is_foreign(place: Path) -> bool:
     return place.exists() and not (place.name == ENVIRONMENT and _is_environment(place))
 
 
+def threads_of(path: Path) -> int | None:
+    """Return how many threads the run began with; None if its environment.json is missing or does not tell."""
+    with suppress(UserError, OSError):
+        found = read_json(path / ENVIRONMENT, RESTORE)
+        count = found.get("threads") if isinstance(found, dict) else None
+        return count if isinstance(count, int) and count >= 1 else None
+    return None
+
+
 def _is_environment(file: Path) -> bool:
     with suppress(UserError):
         found = read_json(file, RESTORE)
