@@ -70,6 +70,7 @@ _HOME = {
     "Varied": "unproject.adversarial.regularisers",
     "Generator": "unproject.networks",
     "Collection": "unproject.data",
+    "Coarse": "unproject.training",
     "Recipe": "unproject.training",
     "Options": "unproject.training",
     "Adam": "unproject.training",
@@ -195,6 +196,7 @@ if TYPE_CHECKING:
     from .sharing import from_pretrained as from_pretrained
     from .sharing import push_to_hub as push_to_hub
     from .training import Adam as Adam
+    from .training import Coarse as Coarse
     from .training import Options as Options
     from .training import Recipe as Recipe
     from .training import Run as Run

@@ -1,7 +1,7 @@
 """Generators, discriminators and view predictors."""
 
 from .dcgan import DCGANDiscriminator
-from .discriminators import Discriminator, LineDiscriminator
+from .discriminators import Discriminator, LineDiscriminator, MultiScaleDiscriminator
 from .generators import Generator, ImageGenerator, SmoothImageGenerator, VoxelGenerator
 from .low_rank import LowRankGenerator
 from .materials import DCGANMaterials, StationaryMaterials
@@ -16,6 +16,7 @@ __all__ = [
     "ImageGenerator",
     "LineDiscriminator",
     "LowRankGenerator",
+    "MultiScaleDiscriminator",
     "SmoothImageGenerator",
     "StationaryMaterials",
     "TextureDiscriminator",

@@ -85,6 +85,31 @@ class SmoothUpsampling(nn.Module):
             x = F.relu(norm(doubled(convolution(x)), hidden))
         return self.last(x)
 
+    @property
+    def grows(self) -> bool:
+        """Whether the last level has as many channels as the one before, so that it may change nothing."""
+        outputs, inputs, *_ = self.levels[-1].get_parameter("weight").shape
+        return len(self.levels) > 1 and inputs == outputs
+
+    def last_level(self) -> set[str]:
+        """Return the names of the weights of the last level."""
+        prefixes = f"levels.{len(self.levels) - 1}.", f"norms.{len(self.norms) - 1}."
+        return {name for name in self.state_dict() if name.startswith(prefixes)}
+
+    @torch.no_grad()
+    def pass_through(self, hidden: Tensor) -> None:
+        """Let the last level give what it is given, interpolated, of vectors like these (B, inputs).
+
+        Its convolution becomes the identity, and its norm restores the mean and deviation that it takes away.
+        """
+        seen: list[Tensor] = []
+        norm = self.norms[-1]
+        assert isinstance(norm, ModulatedNorm)
+        nn.init.dirac_(self.levels[-1].get_parameter("weight"))
+        with norm.register_forward_pre_hook(lambda module, given: seen.append(given[0])):
+            self(hidden)
+        norm.restore(seen[0])
+
 
 class ModulatedNorm(nn.Module):
     """Batch norm whose scale and shift depend on a vector h: (1 + A h) * norm(x) + B h, channel by channel.
@@ -106,6 +131,15 @@ class ModulatedNorm(nn.Module):
         modulation = self.modulation(hidden).view(len(x), -1, *[1] * (x.dim() - 2))
         scale, shift = modulation.chunk(2, 1)
         return self.norm(x) * (1 + scale) + shift
+
+    @torch.no_grad()
+    def restore(self, x: Tensor) -> None:
+        """Change nothing, of values with the statistics of x (B, C, ...)."""
+        variance, mean = torch.var_mean(x.transpose(0, 1).flatten(1), 1)
+        self.norm.running_mean, self.norm.running_var = mean, variance
+        self.norm.weight.copy_((variance + self.norm.eps).sqrt())
+        self.norm.bias.copy_(mean)
+        nn.init.zeros_(self.modulation.weight)
 
 
 class ModulatedScale(nn.Module):

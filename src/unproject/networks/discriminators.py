@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -116,6 +117,74 @@ class Discriminator(nn.Module):
             x = F.leaky_relu(self.bottleneck(x), self.slope)
         row = self.last(head) if self.common is None else self.last(head) + self.common
         return (x * row[:, :-1]).sum(1) + row[:, -1]
+
+
+class MultiScaleDiscriminator(nn.Module):
+    """Discriminators of an image (B, C, H, W) and of its means over 2², 4², ... pixels; logits are added.
+
+    D(y) = Σ_s D_s(y averaged to s pixels a side), s from `coarsest` to the image's side, and D_s is a `Discriminator`.
+    All but the coarsest begin at 0, so that one of twice the size, which took over the weights of this one (`grow`),
+    begins as this one.
+
+    Args:
+        shape: of one input, (C, H, W).
+        heads: number of heads, one for each observation.
+        coarsest: the least side.
+        settings: of every `Discriminator`; `common` is on.
+
+    References:
+        Wang et al. 2018, High-resolution image synthesis and semantic manipulation with conditional GANs (several
+        scales); Karras et al. 2018, Progressive growing of GANs.
+
+    Raises:
+        UserError: unless sides are `coarsest` times a power of two.
+
+    Examples:
+        >>> import torch, unproject as up
+        >>> discriminator = up.networks.MultiScaleDiscriminator((1, 64, 64), heads=16, coarsest=32, channels=8)
+        >>> discriminator(torch.rand(4, 1, 64, 64), head=torch.tensor([0, 3, 3, 15])).shape
+        torch.Size([4])
+    """
+
+    def __init__(self, shape: tuple[int, ...], heads: int = 1, coarsest: int = 32, **settings: Any) -> None:
+        super().__init__()
+        channels, height, width = shape
+        scales = round(math.log2(height / coarsest)) + 1 if height >= coarsest else 0
+        if height != width or height != coarsest * 2 ** (scales - 1):
+            raise UserError(f"discriminator: {height} x {width} is not {coarsest} a side, times a power of two")
+        sides = [coarsest * 2**i for i in range(scales)]
+        self.scales = nn.ModuleList(
+            [Discriminator((channels, side, side), heads, **{**settings, "common": True}) for side in sides]
+        )
+        for finer in list(self.scales)[1:]:
+            nn.init.zeros_(finer.get_parameter("common"))
+
+    @property
+    def replayable(self) -> bool:
+        return all(scale.replayable for scale in self.scales)
+
+    def forward(self, image: Tensor, head: Tensor) -> Tensor:
+        """Return logits (B,) of images in [0, 1]; `head` (B,) is the head of each."""
+        logits = self.scales[-1](image, head)
+        for coarser in reversed(list(self.scales)[:-1]):
+            image = F.avg_pool2d(image, 2)
+            logits = logits + coarser(image, head)
+        return logits
+
+    def grow(self, weights: dict[str, Tensor]) -> None:
+        """Take over the weights of one of half the size, a `Discriminator` of the least side among them.
+
+        Raises:
+            UserError: if they are of no such discriminator.
+        """
+        coarser = nn.Module()
+        coarser.scales = self.scales[:-1]
+        if len(self.scales) == 2 and not any(name.startswith("scales.") for name in weights):
+            weights = {f"scales.0.{name}": value for name, value in weights.items()}
+        try:
+            coarser.load_state_dict(weights)
+        except RuntimeError as error:
+            raise UserError("the weights are of no such discriminator of images of half the side") from error
 
 
 class LineDiscriminator(nn.Module):

@@ -15,6 +15,8 @@ from .generators import Generator, reflect
 
 FARTHEST, PENALTY = 3.0, 0.01
 """Where the penalty of t begins, over c, and its weight."""
+MEASURED = 256
+"""Codes whose features a new level is adjusted to."""
 
 
 class LowRankGenerator(Generator):
@@ -106,6 +108,31 @@ class LowRankGenerator(Generator):
         total = total + torch.bmm(along_x.transpose(1, 2), zy.flatten(2)).unflatten(2, zy.shape[2:])
         total = total + along_z.transpose(1, 2)[:, None] @ xy.transpose(1, 2)
         return (total * self.scale + self.bias).transpose(2, 3)
+
+    def grow(self, weights: dict[str, Tensor]) -> None:
+        """Take over the weights of a generator of half the size; the last level of each plane and line is new.
+
+        It gives what it is given, interpolated, so that volumes are about the refined ones (`at_size`).
+
+        Raises:
+            UserError: if weights of another level are missing, too many or of another shape, or the last level has
+                fewer channels than the one before (of a quarter of `channels` at the most, `rank` at the least).
+        """
+        own = self.state_dict()
+        factors = [(f"{name}.{i}.", part) for name in ("planes", "lines") for i, part in enumerate(getattr(self, name))]
+        new = {prefix + name for prefix, factor in factors for name in factor.last_level()}
+        shapes = {name: value.shape for name, value in own.items() if name not in new}
+        if shapes != {name: value.shape for name, value in weights.items()}:
+            raise UserError(f"the weights are of no generator of {self.size // 2} voxels a side, alike in all else")
+        if not all(factor.grows for _, factor in factors):
+            raise UserError("the last level has fewer channels than the one before: lower channels, or raise rank")
+        self.load_state_dict(own | weights)
+        training = self.training
+        self.eval()
+        hidden = self.mapping(self.codes(MEASURED).to(self.bias.device))
+        for _, factor in factors:
+            factor.pass_through(hidden.detach())
+        self.train(training)
 
     def map_code(self, code: Tensor) -> Tensor:
         return self.mapping(code)

@@ -20,6 +20,9 @@ MIN_PICTURES = 1000
 where the discriminators learn the few by heart."""
 
 
+STEPS = 4000
+"""Budget of shapes: at 64³ about half an hour on two cores."""
+
 SIZES = (16, 32, 64, 128, 256)
 """Of shapes: generators double from 4, and discriminators halve four times."""
 
@@ -28,11 +31,6 @@ def check_size_of_shapes(size: int | None) -> None:
     """Raise UserError for a size, if one is given, at which shapes cannot be learned."""
     if size is not None and size not in SIZES:
         raise UserError(f"--size {size}: shapes are learned at {', '.join(map(str, SIZES))} voxels a side; give one")
-
-
-def steps_of(size: int | None) -> int:
-    """Return the budget of runs of this size: at 64³ about half an hour on two cores."""
-    return 3000 if size is not None and size >= LARGE else 4000
 
 
 def size_for(data: Path | None) -> int:

@@ -1,5 +1,6 @@
 """Training: recipes, the loop, run directories."""
 
+from .coarse import Coarse
 from .loop import resume, train
 from .origin import make, rebuild, resumable
 from .recipe import Adam, Options, Origin, Recipe
@@ -9,6 +10,7 @@ from .verdict import Verdict
 
 __all__ = [
     "Adam",
+    "Coarse",
     "Options",
     "Origin",
     "Recipe",

@@ -16,7 +16,7 @@ from .description import describe, matches
 from .recipe import Recipe
 from .run_directory import BUDGET, read_recipe
 
-HARMLESS = (*BUDGET, "checkpoint_every")
+HARMLESS = (*BUDGET, "checkpoint_every", "coarse")
 """Fields that may differ between a run and its continuation."""
 
 

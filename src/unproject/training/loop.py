@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -21,7 +22,7 @@ from .recorder import Recorder
 from .recovery import roll_back
 from .run import Run
 from .signals import stop_request
-from .start import start_from
+from .start import grow_from, start_from
 from .state import State
 from .trainer import Interrupted, Trainer
 
@@ -43,7 +44,8 @@ def train(
         recipe: what to train.
         out: the run directory to make.
         start: a run to take the weights of instead of random ones: of the generator, whose architecture must be the
-            same, and of discriminators and the view predictor where they fit. It may be deleted afterwards.
+            same, or of half the size (`Generator.grow`), and of discriminators and the view predictor where they fit.
+            It may be deleted afterwards. What a recipe would train first at half the size is left out.
         device: "auto", "cpu" or "cuda".
         quiet: show no progress bar.
         log: "tensorboard" keeps the log as an event file of TensorBoard too, in OUT/tensorboard; or a function that is
@@ -71,12 +73,13 @@ def train(
     _check_log(log)
     distribution = Distribution(device)
     out = Path(out)
+    recipe = recipe if start is None else _of_one_size(recipe)
     run_directory.check_free(out, recipe)
     state = State(recipe, distribution.device)  # before anything is written: a part may refuse its arguments
     check_parts(recipe, state)
     began = None if start is None else start_from(state, Path(start))
-    for panel in state.panels if began is not None else ():  # another machine may have predicted other views
-        distribution.copy_from_leader([*panel.assignment.parameters(), *panel.assignment.buffers()])
+    if began is not None:
+        _share_assignments(state, distribution)
     content = run_directory.content_of(recipe, began)
     distribution.barrier()
     if distribution.leads:
@@ -88,6 +91,8 @@ def train(
         if began is not None and distribution.leads:
             checkpoint.save(out / "checkpoints", 0, state.tensors())
         try:
+            if not _trained_coarse(recipe, out, state, distribution, device, quiet, log):
+                return Run(out, state.sampler(), 0, state.domain, False, recipe)
             return _run(recipe, out, state, distribution, quiet, log)
         except Exception:  # as that there is too little memory: the same command is to find the place free
             if distribution.leads and not state.counters.step:
@@ -145,6 +150,8 @@ def resume(
         recipe = recipe.replace(steps=steps, minutes=minutes)
     distribution = Distribution(device)
     check_same(path, recipe)
+    started = run_directory.read_recipe(path)["start"] is not None
+    recipe = _of_one_size(recipe) if started else recipe
     state = State(recipe, distribution.device)
     other_budget = distribution.agree(not has_budget(path, recipe))  # all look before the first process stores it
     with locked(path, distribution.leads):
@@ -152,8 +159,10 @@ def resume(
             run_directory.remove_temporaries(path)
         if checkpoint.list_checkpoints(path / "checkpoints"):
             state.load(checkpoint.load(checkpoint.newest(path / "checkpoints")))
-        elif run_directory.read_recipe(path)["start"] is not None:
+        elif started:
             raise UserError(f"{path}: was stopped before its first weights were stored; delete it, and train again")
+        elif not _trained_coarse(recipe, path, state, distribution, device, quiet, log):
+            return Run(path, state.sampler(), 0, state.domain, False, recipe)
         if other_budget:
             state.go_on_from(recipe.progress(state.counters.step, state.counters.seconds))
         if distribution.leads:
@@ -164,6 +173,40 @@ def resume(
 def _check_log(log: object) -> None:
     if not (log is None or log == "tensorboard" or callable(log)):
         raise UserError(f"log={log!r}: give 'tensorboard', or a function that is called with each line of the log")
+
+
+def _of_one_size(recipe: Recipe) -> Recipe:
+    """Return a recipe that spends its budget at full size, for a run that starts from another one's weights."""
+    if recipe.coarse is None:
+        return recipe
+    return recipe.replace(coarse=replace(recipe.coarse, share=0.0), origin=recipe.origin)
+
+
+def _trained_coarse(
+    recipe: Recipe, out: Path, state: State, distribution: Distribution, device: str, quiet: bool, log: Log | None
+) -> bool:
+    """Train the coarse recipe, if there is one, or go on with it, and take over its weights; False if stopped."""
+    coarse = None if recipe.coarse is None else recipe.coarse.recipe(recipe.steps, recipe.minutes)
+    if coarse is None:
+        return True
+    place = out / run_directory.COARSE
+    if distribution.agree((place / "recipe.json").exists()):
+        run = resume(place, coarse, device=device, quiet=quiet, log=log)
+    else:
+        run = train(coarse, place, device=device, quiet=quiet, log=log)
+    if not run.complete:
+        return False
+    grow_from(state, place)
+    _share_assignments(state, distribution)
+    if distribution.leads:
+        checkpoint.save(out / "checkpoints", state.counters.step, state.tensors())
+    return True
+
+
+def _share_assignments(state: State, distribution: Distribution) -> None:
+    """Let all processes have what the leading one took over: another machine may have predicted other views."""
+    for panel in state.panels:
+        distribution.copy_from_leader([*panel.assignment.parameters(), *panel.assignment.buffers()])
 
 
 def _run(recipe: Recipe, out: Path, state: State, distribution: Distribution, quiet: bool, log: Log | None) -> Run:

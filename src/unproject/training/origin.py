@@ -127,6 +127,7 @@ def _before_there_was(function: str, resolved: dict[str, Any]) -> dict[str, Any]
         terms = json.dumps(resolved.get("regulariser"))
         flags = ("rectilinear", "varied", "inflated", "axisymmetric")
         older |= {flag: 0.0 for flag in flags if flag.capitalize() not in terms}
+        older |= {} if "coarse" in resolved else {"coarse_to_fine": False}
     if "StationaryMaterials" in (generator := json.dumps(resolved.get("generator"))) and "cycles" not in generator:
         older["waves"] = False
     return older

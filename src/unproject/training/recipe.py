@@ -20,6 +20,7 @@ from ..adversarial.regularisers import Regulariser
 from ..assignment import Panel
 from ..domains import Domain
 from ..networks import Discriminator, Generator
+from .coarse import Coarse
 from .tries import Tries
 
 
@@ -121,6 +122,7 @@ class Recipe:
         normalise_over: processes takes statistics of batch normalisation over the batches of all processes, so that
             equal batches of all have equal results (default: over each process's own batch, which is faster).
         tries: several short starts, of which the best goes on (default: one start).
+        coarse: a recipe of half the size that is trained first (default: none).
 
     Raises:
         UserError: for no panel, no budget, or a number out of range.
@@ -158,6 +160,7 @@ class Recipe:
     checkpoint_every: int = 500
     normalise_over: Literal["processes"] | None = field(default=None, metadata={"described": "if given"})
     tries: Tries | None = field(default=None, metadata={"described": "if given"})
+    coarse: Coarse | None = field(default=None, metadata={"described": "if given"})
     origin: Origin | None = field(default=None, compare=False, repr=False, metadata={"described": False})
 
     def __post_init__(self) -> None:
@@ -230,14 +233,16 @@ class Recipe:
         return self.batch // self.views_per_sample
 
     def progress(self, step: int, seconds: float) -> float:
-        """Return the part of the budget that is spent, 0 to 1."""
-        return part_spent(self.steps, self.minutes, step, seconds)
+        """Return the part of the budget that is spent, 0 to 1, what a coarse recipe took left out."""
+        spent = part_spent(self.steps, self.minutes, step, seconds)
+        return spent if self.coarse is None else self.coarse.fine(spent)
 
     def steps_until(self, progress: float, step: int, seconds: float) -> int:
         """Return how many steps are left, at `step`, to this part of the budget: with minutes, by the steps so far."""
-        left = [progress * self.steps - step] if self.steps else []
+        spent = progress if self.coarse is None else self.coarse.spent(progress)
+        left = [spent * self.steps - step] if self.steps else []
         if self.minutes and seconds:
-            left.append((60 * self.minutes * progress - seconds) * step / seconds)
+            left.append((60 * self.minutes * spent - seconds) * step / seconds)
         return max(math.ceil(min(left, default=0.0)), 1)
 
     def replace(self, **changes: Any) -> Self:

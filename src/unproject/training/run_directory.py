@@ -7,6 +7,7 @@ checkpoints/       step-*.safetensors
 samples/           a contact sheet over time
 verdict.json       whether the run came out well, once its budget is spent
 report.html        a page about it; tensorboard/, an event file, if asked for
+coarse/            the run directory of what was trained first, at half the size
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ VERDICT = "verdict.json"
 BUDGET = ("steps", "minutes")
 LISTED = 5
 RESTORE = "restore it from a copy, or train again"
-ENVIRONMENT, REPORT = "environment.json", "report.html"
-WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FOLDER, "checkpoints")
+ENVIRONMENT, REPORT, COARSE = "environment.json", "report.html", "coarse"
+WRITTEN = ("samples", "stats.jsonl", ENVIRONMENT, VERDICT, REPORT, event_file.FOLDER, COARSE, "checkpoints")
 """What a run consists of, besides recipe.json."""
 
 
@@ -100,11 +101,11 @@ def create(path: Path, content: dict[str, Any]) -> None:
 
 
 def remove_begun(path: Path) -> None:
-    """Remove what `create` and a training made in which nothing was learned, unless it has weights to start from.
+    """Remove what `create` and a training made in which nothing was learned, unless it has weights to go on from.
 
     None of it was there before (`check_free`). recipe.json goes last: what is left of it by a kill can be resumed.
     """
-    if any((path / "checkpoints").iterdir()):
+    if any((path / "checkpoints").iterdir()) or (path / COARSE).exists():
         return
     for name in WRITTEN:
         if (path / name).is_dir():

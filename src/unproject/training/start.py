@@ -2,12 +2,14 @@
 
 Generator, averaged generator and, where they fit, discriminators and what assignments have learned are taken over;
 optimisers and counters begin anew, and there is one try only. The first checkpoint, of step 0, holds all that, so the
-other run is not needed any more.
+other run is not needed any more. A generator of twice the size grows from the other one's.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,22 +31,29 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     """Take over the weights of the newest checkpoint of the run at `path`; return what recipe.json says of it.
 
     Raises:
-        UserError: if `path` is no run, has no checkpoint, or its generator is of another architecture.
+        UserError: if `path` is no run, has no checkpoint, or its generator is of another architecture, or of another
+            size than the same or the half.
     """
     stored = read_recipe(path)
     newest = checkpoint.newest(path / "checkpoints")
     tensors = checkpoint.load(newest)
     theirs, ours = stored["resolved"].get("generator"), json.loads(json.dumps(describe(state.recipe.generator)))
-    difference = differing_settings(theirs, ours)
-    for part in ("generator", "average"):
-        if not difference and (difference := differing_weights(stripped(tensors, part), state.generator)):
-            difference += settings_of_one(theirs, ours)
-    if difference:
-        raise UserError(
-            f"{path}: cannot start from it: {difference}; give the same settings, or train from new weights"
-        )
-    state.generator.load_state_dict(stripped(tensors, "generator"))
-    state.average.load_state_dict(stripped(tensors, "average"))
+    networks = {"generator": state.generator, "average": state.average}
+    if is_half(theirs, ours):
+        with _said(path):
+            for part, network in networks.items():
+                network.grow(stripped(tensors, part))
+    else:
+        difference = differing_settings(theirs, ours)
+        for part in networks:
+            if not difference and (difference := differing_weights(stripped(tensors, part), state.generator)):
+                difference += settings_of_one(theirs, ours)
+        if difference:
+            raise UserError(
+                f"{path}: cannot start from it: {difference}; give the same settings, or train from new weights"
+            )
+        for part, network in networks.items():
+            network.load_state_dict(stripped(tensors, part))
     state.counters.averaged = checkpoint.step_of(newest) + int(tensors.get(f"{COUNTERS}averaged", torch.zeros(())))
     if state.recipe.tries is not None:  # others would begin from new weights
         state.counters.tried = state.recipe.tries.count
@@ -56,19 +65,61 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     }
 
 
+def grow_from(state: State, path: Path) -> None:
+    """Go on with the weights of the run at `path`, of half the size, with its steps, seconds and augmentations."""
+    start_from(state, path)
+    newest = checkpoint.newest(path / "checkpoints")
+    counters, found = state.counters, checkpoint.counters_of(newest)
+    counters.step, counters.seconds, counters.began = found.step, found.seconds, found.step
+    for i, panel in enumerate(state.panels):
+        theirs = stripped(checkpoint.load(newest, f"panels/{i}/augmentation/"), f"panels/{i}/augmentation")
+        if panel.augmentation is not None and theirs:
+            panel.augmentation.load_state_dict(theirs)
+    state.go_on_from(0.0)
+
+
 def _take_over_panel(state: State, index: int, tensors: dict[str, Tensor]) -> dict[str, Any]:
     """Take over what fits of a panel; say what did."""
     panel = state.panels[index]
     weights = stripped(tensors, "discriminators", f"{index}.")
-    fits = not differing_weights(weights, panel.discriminator)
-    if fits:
-        panel.discriminator.load_state_dict(weights)
+    fits = _take_over(panel.discriminator, weights)
     found: dict[str, Any] = {"discriminator": fits}
     learned, theirs = panel.assignment.learned, stripped(tensors, f"panels/{index}/assignment", "learned.")
     if learned is not None and theirs and not differing_weights(theirs, learned):
         learned.load_state_dict(theirs)
         found["learned"] = [one.name for one in learned.settings]
     return found | {"views": panel.assignment.take_over(stripped(tensors, f"panels/{index}/assignment"))}
+
+
+def _take_over(discriminator: nn.Module, weights: dict[str, Tensor]) -> bool:
+    """Take over the weights of a discriminator, if they fit, or are of one that it grows from; say whether."""
+    if not differing_weights(weights, discriminator):
+        discriminator.load_state_dict(weights)
+        return True
+    grow = getattr(discriminator, "grow", None)
+    if grow is None:
+        return False
+    with suppress(UserError):
+        grow(weights)
+        return True
+    return False
+
+
+@contextmanager
+def _said(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"{path}: cannot start from it: {error}; or train from new weights") from error
+
+
+def is_half(theirs: Any, ours: Any) -> bool:
+    """Whether descriptions of generators are alike but for the size, of which theirs is half of ours."""
+    given = theirs.get("arguments") if isinstance(theirs, dict) else None
+    size, own = (part.get("size") if isinstance(part, dict) else None for part in (given, ours["arguments"]))
+    if not isinstance(given, dict) or not isinstance(size, int) or 2 * size != own:
+        return False
+    return not differing_settings({**theirs, "arguments": {**given, "size": own}}, ours)
 
 
 def differing_settings(theirs: Any, ours: Any) -> str:
