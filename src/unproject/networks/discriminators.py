@@ -150,7 +150,7 @@ class MultiScaleDiscriminator(nn.Module):
         super().__init__()
         channels, height, width = shape
         scales = round(math.log2(height / coarsest)) + 1 if height >= coarsest else 0
-        if height != width or height != coarsest * 2 ** (scales - 1):
+        if scales < 1 or height != width or height != coarsest * 2 ** (scales - 1):
             raise UserError(f"discriminator: {height} x {width} is not {coarsest} a side, times a power of two")
         sides = [coarsest * 2**i for i in range(scales)]
         self.scales = nn.ModuleList(

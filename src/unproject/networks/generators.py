@@ -96,14 +96,6 @@ class Generator(nn.Module, ABC):
         """Return the codes (n, code_size) of the samples of this seed."""
         return torch.cat([self._one_code(seed, i) for i in range(n)])
 
-    def grow(self, weights: dict[str, Tensor]) -> None:
-        """Take over the weights of a generator of half the size, whose samples are then made, interpolated.
-
-        Raises:
-            UserError: if the generator cannot, or the weights are of no such generator.
-        """
-        raise UserError(f"{type(self).__name__} does not grow from one of another size")
-
     def at_size(self, code: Tensor, size: int) -> Tensor:
         """Return x = G(z) of `size` a side, as finely as the generator can; most have one size only.
 

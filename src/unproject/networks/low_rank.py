@@ -120,12 +120,12 @@ class LowRankGenerator(Generator):
         """
         own = self.state_dict()
         factors = [(f"{name}.{i}.", part) for name in ("planes", "lines") for i, part in enumerate(getattr(self, name))]
+        if not all(factor.grows for _, factor in factors):
+            raise UserError("the last level has fewer channels than the one before: lower channels, or raise rank")
         new = {prefix + name for prefix, factor in factors for name in factor.last_level()}
         shapes = {name: value.shape for name, value in own.items() if name not in new}
         if shapes != {name: value.shape for name, value in weights.items()}:
             raise UserError(f"the weights are of no generator of {self.size // 2} voxels a side, alike in all else")
-        if not all(factor.grows for _, factor in factors):
-            raise UserError("the last level has fewer channels than the one before: lower channels, or raise rank")
         self.load_state_dict(own | weights)
         training = self.training
         self.eval()

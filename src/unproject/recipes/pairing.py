@@ -101,16 +101,14 @@ def jointly_predicted(
     mean_shape: bool = False,
     anywhere: float = 0.0,
     window: int | None = None,
-    most: int | None = None,
 ) -> JointlyPredicted:
     """Return many rounds with views drawn from the responsibilities of a predictor that is trained all along.
 
-    The first are random, or those of one mean shape. `most` is of the `ViewPredictor`.
+    The first are random, or those of one mean shape.
     """
     drawn = frequent_rounds(rounds, balance, start=0.01)
     initialiser = MeanShapeInitialiser(mirror=mirrored is not None, balance=balance) if mean_shape else None
     fit = replace(drawn.fit, mirrored=mirrored)
-    fit = fit if most is None else replace(fit, network=partial(ViewPredictor, most=most))
     estimator = replace(drawn.estimator, window=window, anywhere=anywhere or None)
     return JointlyPredicted(drawn.rounds, fit, estimator, initialiser, weight=information)
 

@@ -21,6 +21,7 @@ from ..assignment import LearnedLatent, Panel, Predicted
 from ..data import Collection, chairs, holds_materials, mapped, observe, plane_of_symmetry, read, with_flips
 from ..data.readers.paths import holds_shapes
 from ..data.sampling import spread_rows
+from ..domains import Volumes
 from ..networks import Discriminator, LowRankGenerator
 from ..ops.feet import ROUND, round_feet
 from ..ops.framing import LEAST_HEIGHT, NARROW, WIDEST, aspect, common_fill, common_height
@@ -102,17 +103,25 @@ def preferences(
     return Regularisers(tuple(terms)) if len(terms) > 1 else next(iter(terms), None)
 
 
-def generator_of(
-    size: int, channels: int, rank: int, mirror: bool | Literal["z"], hull: bool | float
-) -> Callable[[], LowRankGenerator]:
-    """Return the generator."""
-    return partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=hull)
+class Networks(TypedDict):
+    """What makes them, and the domain of what they make."""
+
+    generator: Callable[[], LowRankGenerator]
+    discriminator: Callable[[tuple[int, ...], int], nn.Module]
+    domain: Volumes
 
 
-def discriminator_of(direct: bool) -> Callable[[tuple[int, ...], int], nn.Module]:
-    """Return the discriminator of silhouettes, or of volumes."""
-    channels = 16 if direct else 32
-    return partial(Discriminator, channels=channels, shared=4, bottleneck=256, common=True, volumetric=direct)
+def networks_of(
+    panel: Panel, channels: int, rank: int, mirror: bool | Literal["z"], hull: bool | float, direct: bool
+) -> Networks:
+    """Return generator and discriminator, of silhouettes or of volumes; sizes are unknown of cropped pictures."""
+    size = panel.shape[-1]
+    judge = partial(Discriminator, channels=16 if direct else 32, shared=4, bottleneck=256)
+    return {
+        "generator": partial(LowRankGenerator, size=size, channels=channels, rank=rank, mirror=mirror, hull=hull),
+        "discriminator": partial(judge, common=True, volumetric=direct),
+        "domain": Volumes(sized=not isinstance(panel.projection, Cropped)),
+    }
 
 
 class Optimisers(TypedDict):

@@ -15,28 +15,25 @@ from ..adversarial.adaptive import Adaptive
 from ..adversarial.augmentation import Affine
 from ..adversarial.losses import Hinge, Wasserstein
 from ..adversarial.penalties import R1R2, GradientPenalty
-from ..domains import Volumes
 from ..networks import Discriminator, VoxelGenerator
-from ..projections.cropped import Cropped
 from ..projections.silhouette import Silhouette
 from ..training import Adam, Options, Recipe, Tries, resumable
-from .coarse import coarse_of, grows, scales_of
+from .coarse import from_half_size
 from .pairing import Views, five_rounds, jointly_predicted, panel_of
 from .precision import in_fast_precision
 from .shape_panels import (
     Weights,
-    discriminator_of,
     falling_adams,
-    generator_of,
     mirror_of,
     mirrored_by,
+    networks_of,
     pictures_of,
     preferences,
     silhouette_views,
     silhouettes_of,
     split_panel,
 )
-from .sizes import SMALL, STEPS, check_size_of_shapes, shapes_sized_by_data
+from .sizes import STEPS, check_size_of_shapes, shapes_sized_by_data
 
 
 @shapes_sized_by_data
@@ -127,24 +124,18 @@ def shapes(
         mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
         coarse_to_fine: from 64 voxels a side on, learn shapes of half the size first, for 0.6 of the budget, in
-            OUT/coarse, and go on with what they came to, at half the rate (not with views direct, nor if `channels`
-            are over eight times `rank` at 64).
+            OUT/coarse, and go on with what they came to (not with views direct, nor if `channels` are over eight times
+            `rank` at 64).
         options: fields of `Recipe`.
     """
-    given, grown = locals(), coarse_to_fine and grows(size, views, channels, rank)
-    if grown:  # the preferences have fallen by then
-        rate, solid, rectilinear, tries = rate / 2, solid / 10, 0.3 * rectilinear, 1
-    found = pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
+    given, found = locals(), pictures_of(data, views, size, density, bins, bands, views_per_shape, binary, seed)
     plane, level = mirror_of(mirror, views, found.collection), views != "direct" and bands in (None, 1)
-    mirrored, most = mirrored_by(plane, bins, bands), SMALL if grown else None
-    how = jointly_predicted(rounds, balance, information, mirrored, init_views, anywhere, most=most)
+    how = jointly_predicted(rounds, balance, information, mirrored_by(plane, bins, bands), init_views, anywhere)
     panel = split_panel(views, bands, found.observations, found.collection, how, seed if augment else None, flips)
     weights = Weights(solid, rectilinear, varied, connected, inflated, axisymmetric)
-    return Recipe(
-        generator=generator_of(panel.shape[-1], channels, rank, plane, hull=density if level else False),
-        discriminator=scales_of(32) if grown else discriminator_of(views == "direct"),
+    recipe = Recipe(
+        **networks_of(panel, channels, rank, plane, density if level else False, direct=views == "direct"),
         panels=[panel],
-        domain=Volumes(sized=not isinstance(panel.projection, Cropped)),
         penalty=R1R2(gamma, every=8),
         augmentation=None if panel.held_out is None else Adaptive(Affine(), penalty=10.0),
         regulariser=preferences(views, weights, found, bands, plane),
@@ -152,8 +143,8 @@ def shapes(
         steps=STEPS,
         seed=seed,
         tries=Tries(tries) if views == "predicted" else None,
-        coarse=coarse_of(shapes, given) if grown else None,
     ).configured({"batch": 48, "views_per_sample": 1 if views == "direct" else 2, **options})
+    return from_half_size(recipe, shapes, given) if coarse_to_fine else recipe
 
 
 @resumable

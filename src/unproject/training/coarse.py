@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 from .._types import UserError
-
-if TYPE_CHECKING:
-    from .recipe import Recipe
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Coarse:
         0.5
     """
 
-    make: Callable[..., Recipe] = field(metadata={"described": False})
+    make: Callable[..., Any] = field(metadata={"described": False})
     share: float = 0.6
 
     def __post_init__(self) -> None:
@@ -53,9 +50,9 @@ class Coarse:
         """Return the part of the budget of both that is spent when the fine recipe is this far."""
         return self.share + (1 - self.share) * fine
 
-    def recipe(self, steps: int | None, minutes: float | None) -> Recipe | None:
-        """Return the coarse recipe of a budget of both; None if it would not take a step."""
+    def budget(self, steps: int | None, minutes: float | None) -> dict[str, Any] | None:
+        """Return the steps and minutes of the coarse recipe by those of both; None if it would not take a step."""
         own = None if steps is None else int(self.share * steps)
         if not self.share or own == 0:
             return None
-        return self.make(steps=own, minutes=None if minutes is None else self.share * minutes)
+        return {"steps": own, "minutes": None if minutes is None else self.share * minutes}

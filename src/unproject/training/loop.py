@@ -186,7 +186,7 @@ def _trained_coarse(
     recipe: Recipe, out: Path, state: State, distribution: Distribution, device: str, quiet: bool, log: Log | None
 ) -> bool:
     """Train the coarse recipe, if there is one, or go on with it, and take over its weights; False if stopped."""
-    coarse = None if recipe.coarse is None else recipe.coarse.recipe(recipe.steps, recipe.minutes)
+    coarse = recipe.coarse_recipe()
     if coarse is None:
         return True
     place = out / run_directory.COARSE

@@ -245,6 +245,20 @@ class Recipe:
             left.append((60 * self.minutes * spent - seconds) * step / seconds)
         return max(math.ceil(min(left, default=0.0)), 1)
 
+    def coarse_recipe(self) -> Recipe | None:
+        """Return the recipe that is trained first, with its part of the budget; None if there is none.
+
+        Raises:
+            UserError: if `coarse.make` makes something else.
+        """
+        budget = None if self.coarse is None else self.coarse.budget(self.steps, self.minutes)
+        if self.coarse is None or budget is None:
+            return None
+        made = self.coarse.make(**budget)
+        if not isinstance(made, Recipe):
+            raise UserError(f"coarse: made a {type(made).__name__}; make a Recipe of these steps and minutes")
+        return made
+
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed."""
         if "origin" not in changes:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
@@ -27,6 +27,14 @@ OF_SAMPLES = ("hull", "truncation")
 """Settings of generators that only say how samples are drawn from the weights."""
 
 
+@runtime_checkable
+class Growing(Protocol):
+    """A network that can take over the weights of one of half the size."""
+
+    def grow(self, weights: dict[str, Tensor]) -> None:
+        """Take them over. Raises UserError if they are of no such network."""
+
+
 def start_from(state: State, path: Path) -> dict[str, Any]:
     """Take over the weights of the newest checkpoint of the run at `path`; return what recipe.json says of it.
 
@@ -39,9 +47,10 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     tensors = checkpoint.load(newest)
     theirs, ours = stored["resolved"].get("generator"), json.loads(json.dumps(describe(state.recipe.generator)))
     networks = {"generator": state.generator, "average": state.average}
-    if is_half(theirs, ours):
+    growing = {part: network for part, network in networks.items() if isinstance(network, Growing)}
+    if growing and is_half(theirs, ours):
         with _said(path):
-            for part, network in networks.items():
+            for part, network in growing.items():
                 network.grow(stripped(tensors, part))
     else:
         difference = differing_settings(theirs, ours)
@@ -96,12 +105,10 @@ def _take_over(discriminator: nn.Module, weights: dict[str, Tensor]) -> bool:
     if not differing_weights(weights, discriminator):
         discriminator.load_state_dict(weights)
         return True
-    grow = getattr(discriminator, "grow", None)
-    if grow is None:
-        return False
     with suppress(UserError):
-        grow(weights)
-        return True
+        if isinstance(discriminator, Growing):
+            discriminator.grow(weights)
+            return True
     return False
 
 
