@@ -198,6 +198,18 @@ def test_stopped_in_the_coarse_run_it_is_incomplete(tmp_path: Path, capsys: pyte
     assert steps_of(tmp_path / "run")[-1] == 5
 
 
+def test_the_command_says_where_it_was_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = [word for name, value in TINY.items() for word in (f"--{name}", str(value))]
+    monkeypatch.setattr(Trainer, "stopping", lambda self: self.state.counters.step == 3)
+    run = str(tmp_path / "run")
+    assert main(["train", "shapes", "--size", "32", "--steps", "10", *flags, "--out", run, "--quiet"]) == 0
+    assert f"{run}: stopped in coarse/, at half the size; unproject resume {run} goes on" in capsys.readouterr().out
+    assert main(["resume", run, "--quiet"]) == 0
+    assert capsys.readouterr().out == f"{run}: 0 steps\n"
+
+
 def test_a_larger_budget_is_of_both(whole: Path, tmp_path: Path) -> None:
     run = Path(shutil.copytree(whole, tmp_path / "run"))
     assert resume(run, steps=12, quiet=True).step == 12

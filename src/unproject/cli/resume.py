@@ -48,7 +48,8 @@ def run(
     use_threads(threads, before=threads_of(path))
     before = newest_step(path / "checkpoints")
     finished = resume(path, steps=steps, minutes=minutes, device=device, trust=trust, quiet=quiet, log=log)
-    spent = "; its budget was spent already: give a larger --steps or --minutes" if finished.step == before else ""
+    already = finished.complete and finished.step == before
+    spent = "; its budget was spent already: give a larger --steps or --minutes" if already else ""
     say(f"{path}: {finished.step} steps{spent}")
     conclude(finished, quiet)
     if finished.step:

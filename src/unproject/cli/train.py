@@ -48,7 +48,7 @@ def run(
     """
     from ..training import train
     from ..training.building import is_foreign
-    from ..training.run_directory import check_free
+    from ..training.run_directory import COARSE, check_free
     from ._machine import say, warn_if_empty
     from ._report import leave_report
     from ._threads import use_threads
@@ -66,7 +66,8 @@ def run(
     finished = train(recipe, out, start=from_, device=device, quiet=quiet, log=log)
     if not finished.step:
         why, more = ("its budget was spent", " --minutes 10") if finished.complete else ("stopped", "")
-        say(f"{out}: {why} before the first step was done; unproject resume {shlex.quote(str(out))}{more} goes on")
+        when = "in coarse/, at half the size" if (out / COARSE).exists() else "before the first step was done"
+        say(f"{out}: {why} {when}; unproject resume {shlex.quote(str(out))}{more} goes on")
         return
     warn_if_empty(finished.domain, finished.sample(finished.domain.previewed))
     stopped = "" if finished.complete else f" (stopped; unproject resume {shlex.quote(str(out))} continues)"
