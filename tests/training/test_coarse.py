@@ -43,6 +43,7 @@ def few_and_small() -> Any:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("unproject.recipes.shape_panels.PROCEDURAL_CHAIRS", 8)
         patch.setattr("unproject.recipes.coarse.SMALL", 16)  # half of the real one
+        patch.setattr("unproject.recipes.coarse.SHARE", 0.6)
         patch.setattr("unproject.training.trainer.EVERY", 2)
         patch.setattr(checkpoint, "KEEP", 20)
         yield

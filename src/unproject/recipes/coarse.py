@@ -14,8 +14,9 @@ from ..networks.blocks import halved_widths, upsampling_levels
 from ..training import Adam, Coarse, Recipe
 from .sizes import SMALL
 
-SHARE = 0.6
-"""Of the budget for half the size, a step of which takes a quarter of the time."""
+SHARE = 0.8
+"""Of the budget for half the size, a step of which takes a quarter of the time. With less, chairs of photographs lost
+their legs at full size (docs/trials.md, "How long the fine part may be")."""
 
 
 def from_half_size(recipe: Recipe, function: Callable[..., Recipe], arguments: Mapping[str, Any]) -> Recipe:

@@ -123,7 +123,7 @@ def shapes(
         tries: short starts, if views are predicted; the one whose pictures tell most of their views goes on.
         mirror: shapes are symmetric about the plane x = 0; with known views or volumes about x = 0 or z = 0 if these
             are (`data.plane_of_symmetry`). Turn it off for asymmetric ones.
-        coarse_to_fine: from 64 voxels a side on, learn shapes of half the size first, for 0.6 of the budget, in
+        coarse_to_fine: from 64 voxels a side on, learn shapes of half the size first, for 0.8 of the budget, in
             OUT/coarse, and go on with what they came to (not with views direct, nor if `channels` are over eight times
             `rank` at 64).
         options: fields of `Recipe`.

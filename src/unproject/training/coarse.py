@@ -36,7 +36,7 @@ class Coarse:
     """
 
     make: Callable[..., Any] = field(metadata={"described": False})
-    share: float = 0.6
+    share: float = 0.8
 
     def __post_init__(self) -> None:
         if not 0 <= self.share < 1:
