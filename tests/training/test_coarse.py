@@ -205,8 +205,10 @@ def test_the_command_says_where_it_was_stopped(
     flags = [word for name, value in TINY.items() for word in (f"--{name}", str(value))]
     monkeypatch.setattr(Trainer, "stopping", lambda self: self.state.counters.step == 3)
     run = str(tmp_path / "run")
-    assert main(["train", "shapes", "--size", "32", "--steps", "10", *flags, "--out", run, "--quiet"]) == 0
-    assert f"{run}: stopped in coarse/, at half the size; unproject resume {run} goes on" in capsys.readouterr().out
+    assert main(["train", "shapes", "--size", "32", "--steps", "10", *flags, "--out", run]) == 0
+    said = capsys.readouterr().out
+    assert f"{run}/coarse is trained first, at half the size, for 60% of the budget" in said
+    assert f"{run}: stopped in coarse/, at half the size; unproject resume {run} goes on" in said
     assert main(["resume", run, "--quiet"]) == 0
     assert capsys.readouterr().out == f"{run}: 0 steps\n"
 

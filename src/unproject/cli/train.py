@@ -62,6 +62,8 @@ def run(
     if not quiet:
         studio = f"unproject studio {shlex.quote(str(out.parent))}"
         say(f"{out}: watch it in a browser with {studio}, or look at the pictures in {out}/samples")
+        if recipe.coarse is not None and from_ is None:
+            say(f"{out / COARSE} is trained first, at half the size, for {recipe.coarse.share:.0%} of the budget")
     release()
     finished = train(recipe, out, start=from_, device=device, quiet=quiet, log=log)
     if not finished.step:
