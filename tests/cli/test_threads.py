@@ -35,7 +35,9 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine
     monkeypatch.setattr(_threads, "STATISTICS", tmp_path / "stat")
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(4, 4 + CORES)))
     monkeypatch.setattr(time, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(time, "process_time", lambda: clock[1])
+    monkeypatch.setattr(
+        os, "times", lambda: os.times_result((clock[1] / 2, clock[1] / 4, clock[1] / 8, clock[1] / 8, 0))
+    )
     write(tmp_path / "stat", idle=0)
     begin_to_measure()
 

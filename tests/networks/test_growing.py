@@ -148,6 +148,14 @@ def test_other_discriminators_are_refused(other: nn.Module) -> None:
         scales(64).grow(other.state_dict())
 
 
+def test_of_one_with_other_heads_nothing_is_taken() -> None:
+    large, other = scales(32), Discriminator((1, 16, 16), 4, common=True, **SMALL)
+    before = {name: value.clone() for name, value in large.state_dict().items()}
+    with pytest.raises(UserError, match="of no such discriminator"):
+        large.grow(other.state_dict())
+    assert all(torch.equal(before[name], value) for name, value in large.state_dict().items())
+
+
 def test_it_may_be_replayed_where_its_scales_may() -> None:
     assert scales(32).replayable
     assert not MultiScaleDiscriminator((1, 32, 32), 3, 16, channels=4, shared=2).replayable

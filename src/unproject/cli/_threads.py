@@ -29,7 +29,10 @@ IDLE = slice(4, 6)
 
 @dataclass(frozen=True)
 class Clocks:
-    """Seconds by the clock, those that the cores open to this process were idle, and those that it computed itself."""
+    """Seconds by the clock, those that the cores open to this process were idle, and those that it computed itself.
+
+    Among its own are those of processes that it started and that have ended, as of those that read pictures.
+    """
 
     wall: float
     idle: float
@@ -40,7 +43,7 @@ class Clocks:
         lines = (line.split() for line in STATISTICS.read_text(encoding="ascii").splitlines())
         counts = {words[0]: sum(map(int, words[IDLE])) for words in lines if words[0].startswith("cpu")}
         idle = sum(counts.get(f"cpu{core}", 0) for core in os.sched_getaffinity(0))
-        return cls(time.monotonic(), idle / os.sysconf("SC_CLK_TCK"), time.process_time())
+        return cls(time.monotonic(), idle / os.sysconf("SC_CLK_TCK"), sum(os.times()[:4]))
 
     def free_cores(self, later: Clocks) -> float:
         """Return how many cores nobody else used on average from these clocks to later ones."""

@@ -140,6 +140,7 @@ class ModulatedNorm(nn.Module):
         self.norm.weight.copy_((variance + self.norm.eps).sqrt())
         self.norm.bias.copy_(mean)
         nn.init.zeros_(self.modulation.weight)
+        nn.init.zeros_(self.modulation.bias)
 
 
 class ModulatedScale(nn.Module):

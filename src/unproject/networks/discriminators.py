@@ -177,14 +177,14 @@ class MultiScaleDiscriminator(nn.Module):
         Raises:
             UserError: if they are of no such discriminator.
         """
-        coarser = nn.Module()
-        coarser.scales = self.scales[:-1]
+        own = {
+            name: v for name, v in self.state_dict().items() if not name.startswith(f"scales.{len(self.scales) - 1}.")
+        }
         if len(self.scales) == 2 and not any(name.startswith("scales.") for name in weights):
             weights = {f"scales.0.{name}": value for name, value in weights.items()}
-        try:
-            coarser.load_state_dict(weights)
-        except RuntimeError as error:
-            raise UserError("the weights are of no such discriminator of images of half the side") from error
+        if {name: v.shape for name, v in own.items()} != {name: v.shape for name, v in weights.items()}:
+            raise UserError("the weights are of no such discriminator of images of half the side")
+        self.load_state_dict(self.state_dict() | weights)
 
 
 class LineDiscriminator(nn.Module):
