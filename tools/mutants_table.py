@@ -4756,6 +4756,41 @@ COARSE = (
         "or size == own",
         "training/test_coarse.py::test_half_the_size_and_alike_in_all_else",
     ),
+    mutant(
+        "scales: what does not fit is not refused",
+        "networks/discriminators.py",
+        "if {name: v.shape for name, v in own.items()} != {",
+        "if False and {name: v.shape for name, v in own.items()} != {",
+        "networks/test_growing.py::test_of_one_with_other_heads_nothing_is_taken",
+    ),
+    mutant(
+        "cli: processes that read pictures are taken for other programs",
+        "cli/_threads.py",
+        "sum(os.times()[:4])",
+        "sum(os.times()[:2])",
+        "cli/test_threads.py::test_as_many_threads_as_cores_that_nobody_else_uses",
+    ),
+    mutant(
+        "studio: only the first cookie is read",
+        "studio/guard.py",
+        '.get("Cookie", "").split(";"))',
+        '.get("Cookie", "").split(";")[:1])',
+        "studio/test_server.py",
+    ),
+    mutant(
+        "share: a byte that is no text ends it",
+        "sharing/shared.py",
+        'errors="replace")  # a damaged',
+        'errors="strict")  # a damaged',
+        "sharing/test_sharing.py::test_the_log_that_is_shared_is_short_and_whole",
+    ),
+    mutant(
+        "report: steps below zero are drawn",
+        "report/log.py",
+        "step is not None and step >= 0",
+        "step is not None",
+        "report/test_log.py::test_steps_below_zero_are_damaged",
+    ),
 )
 
 SIZES = (

@@ -37,6 +37,12 @@ def test_what_is_added_is_read_and_what_was_read_is_not_read_again(
     assert (steps(log), log.read()[1], len(read)) == ([1, 2, 3, 4], 1, 1)
 
 
+def test_steps_below_zero_are_damaged(tmp_path: Path) -> None:
+    (tmp_path / "stats.jsonl").write_text(line(-7, loss=1) + line(0) + line(-5, loss=2))
+    log = Log(tmp_path / "stats.jsonl")
+    assert (steps(log), log.read()[1]) == ([0], 2)
+
+
 def test_a_last_line_without_its_end_counts(tmp_path: Path) -> None:
     (tmp_path / "stats.jsonl").write_text(line(1) + line(2).strip())
     assert steps(Log(tmp_path / "stats.jsonl")) == [1, 2]

@@ -82,6 +82,8 @@ def test_the_log_that_is_shared_is_short_and_whole(run: Path, tmp_path: Path) ->
     shutil.copytree(run, copied)
     lines = [json.dumps({"step": 1, "seconds": k, "loss_g": 1.0}) + "\n" for k in range(1, 1001)]
     (copied / "stats.jsonl").write_text("".join(lines) + '{"step": 1, "seconds": 1, "event": "assigned"}\n')
+    with (copied / "stats.jsonl").open("ab") as stream:
+        stream.write(b'{"step": 9, "seconds": 1, "loss\xff": 1}\n')  # a damaged line is no mistake of the user's
     shared = save_pretrained(copied, tmp_path / "shared")
     found = [json.loads(line)["seconds"] for line in (shared / "stats.jsonl").read_text().splitlines()]
     assert found[:2] == [1, 6] and len(found) == 200

@@ -191,6 +191,8 @@ def test_whoever_asks_needs_the_token(runs: Path, host: str) -> None:
         name = cookie.partition("=")[0]
         assert str(studio.server_address[1]) in name  # browsers send cookies to all ports of a host
         assert ask(studio, "/api/runs", Cookie=f"{name}=wrong")[0] == 403
+        for other in ('settings={"theme":"dark"}', "a b=c d", "x[1]=y", "alone", f"{name}2=wrong"):  # of other programs
+            assert ask(studio, "/api/runs", Cookie=f"{other}; {cookie.partition(';')[0]}")[0] == 200
 
 
 @pytest.mark.parametrize("name", ["..", "../secret", "/etc", "toy/../../secret", "a\0b", "x" * 5000, "linked"])

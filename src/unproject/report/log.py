@@ -53,7 +53,7 @@ class Log:
 
 
 def _parsed(content: bytes) -> tuple[list[dict[str, Any]], int]:
-    """Return the lines that have a step, and how many others there are."""
+    """Return the lines that have a step, 0 or more, and how many others there are."""
     texts = content.decode("utf-8", "replace").splitlines()
     lines = []
     for text in texts:
@@ -61,6 +61,7 @@ def _parsed(content: bytes) -> tuple[list[dict[str, Any]], int]:
             line = json.loads(text)
         except (ValueError, RecursionError):
             continue
-        if isinstance(line, dict) and number(line.get("step")) is not None:
+        step = number(line.get("step")) if isinstance(line, dict) else None
+        if step is not None and step >= 0:
             lines.append(line)
     return lines, len(texts) - len(lines)

@@ -117,7 +117,8 @@ def _copy_log(opened: Run, file: Path) -> None:
     """Copy losses over time up to the run's step, a few hundred lines of them: events hold one number a picture."""
     source = opened.path / LOG
     if source.is_file():
-        lines = [line for line in source.read_text(encoding="utf-8").splitlines(keepends=True) if "event" not in line]
+        text = source.read_text(encoding="utf-8", errors="replace")  # a damaged line is passed over
+        lines = [line for line in text.splitlines(keepends=True) if "event" not in line]
         lines = [line for line in lines if _step_of(line) <= opened.step]
         rows = range(0, len(lines), -(-len(lines) // LINES) or 1)
         write_text(file, "".join(lines[row] for row in rows))

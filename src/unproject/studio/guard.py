@@ -11,7 +11,6 @@ import hmac
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 
 COOKIE = "unproject-studio"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -86,8 +85,9 @@ class Guard:
 
 
 def _cookie(headers: Mapping[str, str], name: str) -> str:
-    try:
-        found = SimpleCookie(headers.get("Cookie", "")).get(name)
-    except CookieError:
-        return ""
-    return found.value if found else ""
+    """Return the value of a cookie, "" if it is missing.
+
+    `http.cookies` stops at the first one that it does not understand; other programs of this host may have set any.
+    """
+    pairs = (pair.strip().partition("=") for pair in headers.get("Cookie", "").split(";"))
+    return next((value for key, _, value in pairs if key == name), "")
