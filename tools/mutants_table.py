@@ -3919,6 +3919,13 @@ TURNED_SCORES = (
 
 ANY_CLASS = (
     mutant(
+        "sizes: few pictures are learned large",
+        "recipes/sizes.py",
+        "count is not None and count < MIN_PICTURES",
+        "count is None",
+        "recipes/test_sizes.py::test_few_pictures_are_learned_small",
+    ),
+    mutant(
         "shapes: those of cropped pictures may be anywhere",
         "recipes/shape_panels.py",
         "if isinstance(pictures.observations[0].projection, Cropped):\n        terms",

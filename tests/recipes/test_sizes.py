@@ -28,6 +28,12 @@ from unproject.training.description import describe
 SMALL: dict[str, Any] = {"bins": 2, "views_per_shape": 2, "channels": 8, "rank": 2, "steps": 2, "tries": 1}
 
 
+@pytest.fixture(autouse=True)
+def few_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Toy folders count as large."""
+    monkeypatch.setattr("unproject.recipes.sizes.MIN_PICTURES", 1)
+
+
 def picture(path: Path, width: int, height: int) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     mask = np.zeros((height, width), np.uint8)
@@ -68,6 +74,14 @@ def test_short_budgets_are_spent_on_small_volumes(tmp_path: Path, budget: dict[s
     data = folder(tmp_path / "masks", *[(80, 90)] * 12)
     few = {name: value for name, value in SMALL.items() if name != "steps"}
     assert generator_size(shapes(data=data, **few, **budget)) == size
+
+
+def test_few_pictures_are_learned_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unproject.recipes.sizes.MIN_PICTURES", 5)
+    four, five = folder(tmp_path / "four", *[(80, 90)] * 4), folder(tmp_path / "five", *[(80, 90)] * 5)
+    assert (size_for(four), size_for(five)) == (32, 64)
+    np.savez(tmp_path / "volumes.npz", volume=np.zeros((2, 64, 64, 64), bool))
+    assert size_for(tmp_path / "volumes.npz") == 64
 
 
 def test_files_that_are_no_pictures_do_not_count(tmp_path: Path) -> None:

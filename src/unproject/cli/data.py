@@ -161,11 +161,14 @@ def _say_how_to_train(path: Path, found: Inspection) -> None:
 
 def _say_size(path: Path) -> None:
     """Say at what size these pictures are learned, which the budget decides too."""
-    from ..recipes.sizes import LEAST_MINUTES, SMALL
+    from ..data import side_of
+    from ..recipes.sizes import LARGE, LEAST_MINUTES, MIN_PICTURES, SMALL
 
     chosen = _size_of("shapes", path)
+    few = chosen == SMALL and (side_of(path) or 0) >= LARGE
+    why = f", since these are fewer than {MIN_PICTURES:,} pictures; --size {LARGE} overrides" if few else ""
     short = f"; with --minutes under {LEAST_MINUTES:g} at {SMALL}" if chosen > SMALL else ""
-    print(f"  shapes are learned at {chosen} voxels a side{short}")
+    print(f"  shapes are learned at {chosen} voxels a side{short}{why}")
 
 
 ADVISED = 100

@@ -25,7 +25,7 @@ from .readers.lights import OBSERVATIONS, photographed, refuse_unsorted, unsorte
 from .readers.options import ReadOptions
 from .readers.patches import material_patches
 from .readers.probes import read_probe, read_probes, resample_probe
-from .readers.sides import detectors_of, side_of
+from .readers.sides import detectors_of, picture_count, side_of
 from .readers.texture_maps import Convention
 from .readers.textures import read_material
 from .reading import read
@@ -84,6 +84,7 @@ __all__ = [
     "read_silhouettes",
     "refuse_unsorted",
     "resample_probe",
+    "picture_count",
     "side_of",
     "unsorted",
     "with_flips",

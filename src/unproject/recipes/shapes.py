@@ -80,8 +80,8 @@ def shapes(
             only their distribution is estimated), known, single (nothing; one discriminator head), or direct (no
             projection: train on the volumes themselves).
         size: voxels, and pixels, a side (default: 64 if the pictures or volumes of `data` are at least 64 a side, in a
-            folder the median of their shorter sides; 32 of smaller ones, with views direct, and if `minutes` is under
-            30).
+            folder the median of their shorter sides; 32 of smaller ones, of a folder of fewer than 1,000 pictures, with
+            views direct, and if `minutes` is under 30).
         bins: views: bins of azimuth.
         bands: bands of elevation of 15 degrees each, centred on the horizon (1: all at elevation 0). By default
             elevations are 0, except of pictures of unknown view that were not cropped, unless outlines show that

@@ -49,7 +49,7 @@ def start_from(state: State, path: Path) -> dict[str, Any]:
     networks = {"generator": state.generator, "average": state.average}
     growing = {part: network for part, network in networks.items() if isinstance(network, Growing)}
     if growing and is_half(theirs, ours):
-        with _said(path):
+        with _naming(path):
             for part, network in growing.items():
                 network.grow(stripped(tensors, part))
     else:
@@ -113,7 +113,7 @@ def _take_over(discriminator: nn.Module, weights: dict[str, Tensor]) -> bool:
 
 
 @contextmanager
-def _said(path: Path) -> Iterator[None]:
+def _naming(path: Path) -> Iterator[None]:
     try:
         yield
     except UserError as error:

@@ -19,7 +19,7 @@ from unproject import _pictures
 from unproject._pictures import read_displayed
 from unproject._types import UserError
 from unproject.data import Collection, Framing, ReadOptions, pack, read
-from unproject.data.readers.sides import size_of_picture
+from unproject.data.readers.sides import picture_count, size_of_picture
 
 
 def block(left: int = 20, width: int = 20) -> np.ndarray:
@@ -307,6 +307,16 @@ def test_what_renderers_and_scanners_write_is_named(tmp_path: Path) -> None:
     for name in ("b.exr", "c.dcm", "d.mrc"):
         (tmp_path / name).write_bytes(b"something")
     assert [name for name, _ in read(tmp_path).skipped] == ["b.exr", "c.dcm", "d.mrc"]
+
+
+def test_a_folder_and_its_pack_count_the_same_pictures(tmp_path: Path) -> None:
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    save(folder / "a.png")
+    (folder / "b.heic").write_bytes(b"something")
+    (folder / "c.png").write_bytes(b"damaged")
+    pack(folder, tmp_path / "masks.npz", ReadOptions())
+    assert picture_count(folder) == picture_count(tmp_path / "masks.npz") == 2
 
 
 def test_an_accent_may_be_spelt_in_two_ways(tmp_path: Path) -> None:

@@ -66,6 +66,23 @@ def detectors_of(path: str | os.PathLike[str]) -> int | None:
         return None
 
 
+def picture_count(path: str | os.PathLike[str]) -> int | None:
+    """Return how many picture files a folder holds, or held that was packed; None of what is no folder of pictures.
+
+    Examples:
+        >>> picture_count("masks.npy") is None
+        True
+    """
+    path = Path(path)
+    if path.is_dir():
+        return None if holds_shapes(path) else len(files_with(path, SUFFIXES))
+    columns = _columns_of_pack(path)
+    if columns is None:
+        return None
+    files = [*columns["names"].tolist(), *columns["skipped"].tolist()]
+    return sum(os.fsdecode(file).lower().endswith(SUFFIXES) for file in files)
+
+
 def is_pack(path: str | os.PathLike[str]) -> bool:
     """Whether a file is what `unproject data pack` wrote, and not damaged.
 
