@@ -62,7 +62,7 @@ def read_stored(path: str | os.PathLike[str]) -> Picture:
         file = oiio.ImageInput.open(name, config)
         if file is None:
             reason = _said(oiio.geterror)
-            raise UserError(f"{name}: not a picture that can be read ({reason}); give .hdr, .exr or .png")
+            raise UserError(f"{name}: not a picture that can be read ({reason}); give a whole file")
         try:
             return _read(name, file)
         finally:

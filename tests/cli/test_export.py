@@ -57,6 +57,32 @@ def test_arrays_keep_what_their_specular_map_means(tmp_path, capsys, meant):
         assert str(arrays["fresnel"]) == meant
 
 
+@pytest.mark.parametrize(
+    "given, to, says",
+    [
+        ("samples", ["--to", "glb", "--depth", "16"], "--depth 16: is of materials (maps, mtlx, gltf)"),
+        ("samples", ["--to", "obj", "--eta", "1.3"], "--eta 1.3: is of materials"),
+        ("maps", ["--to", "npz", "--fresnel", "albedo"], "--fresnel albedo: is of materials"),
+        ("maps", ["--to", "mtlx", "--eta", "1.3"], "--eta 1.3: the specular map is the reflectance; add --fresnel eta"),
+        ("samples", ["--to", "glb", "--coloured-specular"], "--coloured-specular: is for folders of textures"),
+        ("maps", ["--to", "maps", "--coloured-specular"], "--coloured-specular: "),
+    ],
+)
+def test_options_without_effect_are_refused(tmp_path, samples, capsys, given, to, says):
+    np.savez(tmp_path / "maps.npz", **Maps(fresnel="albedo").arrays(wood(1, 16)))
+    assert main(["export", str(tmp_path / f"{given}.npz"), *to, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"unproject: {says}") and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_index_is_taken_where_the_specular_map_scales_a_reflectance(tmp_path):
+    np.savez(tmp_path / "maps.npz", **Maps(fresnel="eta").arrays(wood(1, 16)))
+    words = ["export", str(tmp_path / "maps.npz"), "--to", "maps", "--eta", "1.3", "--out", str(tmp_path / "out")]
+    assert main(words) == 0
+    assert json.loads((tmp_path / "out" / "material.json").read_text())["eta"] == 1.3
+
+
 def test_a_folder_in_the_way_is_met_before_anything_is_written(tmp_path, capsys):
     np.savez(tmp_path / "a.npz", **Maps().arrays(wood(1, 16)))
     words = ["export", str(tmp_path / "a.npz"), "--to", "maps", "--out", str(tmp_path / "out")]

@@ -80,7 +80,7 @@ def test_the_card_has_scores_and_where_it_comes_from(run: Path, tmp_path: Path) 
 def test_the_log_that_is_shared_is_short_and_whole(run: Path, tmp_path: Path) -> None:
     copied = tmp_path / "run"
     shutil.copytree(run, copied)
-    lines = [json.dumps({"step": 1, "seconds": k, "loss_g": 1.0}) + "\n" for k in range(1, 1001)]
+    lines = [json.dumps({"step": 1, "seconds": k, "loss_events": 1.0}) + "\n" for k in range(1, 1001)]
     (copied / "stats.jsonl").write_text("".join(lines) + '{"step": 1, "seconds": 1, "event": "assigned"}\n')
     with (copied / "stats.jsonl").open("ab") as stream:
         stream.write(b'{"step": 9, "seconds": 1, "loss\xff": 1}\n')  # a damaged line is no mistake of the user's
@@ -154,6 +154,40 @@ def test_a_private_run_is_not_put_where_all_see_it(run: Path, tmp_path: Path) ->
 @pytest.mark.parametrize("path", ["C:\\Users\\me\\masks", "D:/me/masks", "\\\\server\\me\\masks", "/data/me/masks"])
 def test_paths_of_either_system_are_shortened(path: str) -> None:
     assert without_paths({"data": path, "kept": ["masks", "a/b"]}) == {"data": "masks", "kept": ["masks", "a/b"]}
+
+
+@pytest.mark.parametrize(
+    "path", ["~/acme/masks", "~me/acme/masks", "./acme/masks", "..\\acme\\masks", "file:///acme/masks"]
+)
+def test_paths_that_begin_anywhere_are_shortened(path: str) -> None:
+    assert without_paths([path, "~3 nats", "1/2"]) == ["masks", "~3 nats", "1/2"]
+
+
+def test_relative_paths_of_a_recipe_are_not_shared() -> None:
+    """What a generator is built from stays: it would not be built without."""
+    call = {"call": "mine:Shapes", "positional": [], "arguments": {"pooling": "mean/max"}}
+    recipe = {"recipe": "mine:scans", "arguments": {"data": {"path": "clients/acme"}}, "resolved": {"generator": call}}
+    assert without_paths(recipe) == {**recipe, "arguments": {"data": {"path": "acme"}}}
+
+
+def test_code_that_is_not_shared_is_named(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    recipe = json.loads((run / "recipe.json").read_text())
+    assert recipe["resolved"]["generator"]["call"] == "unproject.networks.low_rank:LowRankGenerator"
+    recipe["resolved"]["generator"]["call"] = "sharing_of_mine:LowRankGenerator"
+    (copied / "recipe.json").write_text(json.dumps(recipe))
+    (tmp_path / "sharing_of_mine.py").write_text("from unproject.networks import LowRankGenerator\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["share", str(copied), "--trust", "--out", str(tmp_path / "shared")]) == 0
+    told = "others need code that is not in it: sharing_of_mine:LowRankGenerator; give it to them, and tell them of"
+    assert told in capsys.readouterr().out
+    card = (tmp_path / "shared" / "README.md").read_text()
+    assert '("OWNER/NAME", trust=True)' in card and "`sharing_of_mine:LowRankGenerator`" in card
+    save_pretrained(run, tmp_path / "ours")
+    assert "trust" not in (tmp_path / "ours" / "README.md").read_text()
 
 
 def test_the_hub_has_what_is_called(tmp_path: Path) -> None:
@@ -232,6 +266,10 @@ def test_relative_paths_of_the_command_are_not_shared(run: Path, tmp_path: Path)
     written = "".join(file.read_text() for file in (shared / "environment.json", shared / "README.md"))
     assert "masks" in written and "--probes=lamps.hdr" in written
     assert not any(word in written for word in ("acme", "clients", "secret"))
+    module = ["__main__.py", "train", "shapes", "--data", "my masks"]
+    (moved / "environment.json").write_text(json.dumps({**environment, "command": module}))
+    card = (save_pretrained(moved, tmp_path / "again") / "README.md").read_text()
+    assert "| command | `unproject train shapes --data 'my masks'` |" in card
 
 
 def test_a_run_that_cannot_be_shared_whole_is_not_shared(run: Path, tmp_path: Path, capsys: Any) -> None:

@@ -27,7 +27,7 @@ from unproject.studio.answers import Request
 from unproject.studio.explore import file_name, thumbnail
 from unproject.studio.space import DIRECTIONS, PICKS, Space, slerp
 from unproject.studio.state import State
-from unproject.training import Recipe, Run, checkpoint, train
+from unproject.training import Recipe, Run, checkpoint, load, train
 
 TOY = f"{Path(__file__).parents[1] / 'training' / 'toy.py'}:toy"
 
@@ -154,6 +154,22 @@ def test_an_older_step_is_shown_as_long_as_it_is_open(runs: Path, tmp_path: Path
     status, answer = said(State(tmp_path), "/api/grid", run="toy", step=2)
     assert (status, answer["error"]) == (404, "toy: its weights of step 2 are no longer there; show the newest")
     assert said(state, "/api/grid", run="toy", step="x")[0] == 400
+
+
+def test_weights_that_are_written_while_a_run_is_opened_have_their_own_step(
+    runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(runs / "toy", tmp_path / "toy")
+    folder = tmp_path / "toy" / "checkpoints"
+
+    def meanwhile(path: Path, **given: Any) -> Run:
+        if checkpoint.newest_step(folder) == 2:
+            checkpoint.save(folder, 9, checkpoint.load(checkpoint.newest(folder)))
+        return load(path, **given)
+
+    monkeypatch.setattr("unproject.studio.state.load", meanwhile)
+    state = State(tmp_path)
+    assert [state.opened("toy").step, state.opened("toy").step, state.opened("toy", 2).step] == [2, 9, 2]
 
 
 NAMED = {

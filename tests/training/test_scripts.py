@@ -14,7 +14,7 @@ from toy import SIZE, toy
 import unproject as up
 from unproject._types import UserError
 from unproject.training import Recipe, load, resumable, resume, train
-from unproject.training.building import is_foreign
+from unproject.training.building import foreign_code
 from unproject.training.run_directory import read_recipe
 
 SCRIPT = """
@@ -88,4 +88,4 @@ def test_positional_arguments_and_paths_given_as_strings_are_remembered(monkeypa
 def test_what_a_damaged_recipe_names_is_not_foreign(tmp_path: Path, generator: object) -> None:
     content = {"recipe": "", "arguments": {}, "resolved": {"generator": generator, "domain": []}}
     (tmp_path / "recipe.json").write_text(json.dumps(content))
-    assert is_foreign(tmp_path) == (generator == {"call": 3})
+    assert bool(foreign_code(tmp_path)) == (generator == {"call": 3})

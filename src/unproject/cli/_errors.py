@@ -16,7 +16,7 @@ _FIX = {
     errno.ENOENT: "check the path",
     errno.ENOTDIR: "a part of this path is a file: check the path",
     errno.EISDIR: "this is a folder: name a file",
-    errno.EEXIST: "remove it, or choose another name",
+    errno.EEXIST: "choose another name",
     errno.ENOTEMPTY: "empty the folder, or choose another name",
     errno.ENAMETOOLONG: "choose a shorter name",
     errno.EIO: "the disk cannot be read: try a copy on another one",

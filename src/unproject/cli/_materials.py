@@ -24,7 +24,7 @@ class Materials(NamedTuple):
 
 
 def read_maps(path: Path, size: int | None = None, coloured: bool = False) -> Materials:
-    """Of an .npz or of folders of textures, with three specular channels if `coloured`; an .npz has what it has."""
+    """Of an .npz or of folders of textures, with three specular channels if `coloured`."""
     from ..data import Collection, Convention, holds_textures, photographed
     from ..data.readers.arrays import load_arrays
     from ..data.readers.textures import fresnel_of
@@ -36,6 +36,8 @@ def read_maps(path: Path, size: int | None = None, coloured: bool = False) -> Ma
             f"{path}: holds pictures by what they show ({', '.join(lights)}), no materials; `unproject train materials "
             f"--data {path}` learns materials from them"
         )
+    if coloured and path.suffix.lower() == ".npz":
+        raise UserError(f"--coloured-specular: {path} has the specular map it has; it is for folders of textures")
     found = Collection.materials(path, size, convention=Convention(specular="colour") if coloured else None)
     if path.suffix.lower() != ".npz":
         return Materials(found.items, "albedo", found.skipped)

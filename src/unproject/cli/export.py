@@ -30,9 +30,9 @@ def run(
     faces: int | None = None,
     hull: bool = False,
     largest_part: bool = True,
-    depth: Literal["8", "16", "half", "float"] = "8",
+    depth: Literal["8", "16", "half", "float"] | None = None,
     fresnel: Literal["eta", "albedo"] | None = None,
-    eta: float = 1.5,
+    eta: float | None = None,
     size: int | None = None,
     coloured_specular: bool = False,
     trust: bool = False,
@@ -48,14 +48,14 @@ def run(
             folder glb of shapes, maps of materials, png of images, else npz).
         n: How many (default: 16 of a run or an .npz of shapes, all of a file or folder of materials).
         seed: Which samples: the same seed draws the same ones.
-        only: Those of them with these numbers, from 0, as a png shows them; meshes, voxels and folders of several
-            materials keep the numbers.
+        only: Those of them with these numbers, from 0, as a png shows them (of images they run along its rows);
+            meshes, voxels and folders of several materials keep the numbers.
         faces: The most triangles a mesh may have (glb, obj, ply); a warning says so where it has to have more.
         hull: Fill what no level view can see.
         largest_part: Join near parts of each shape, and keep the largest alone.
-        depth: Bits of the maps' PNG, or half or float EXR.
-        fresnel: What the specular map means: see `unproject render --help`.
-        eta: The index of refraction, for --fresnel eta.
+        depth: Bits of the maps' PNG, or half or float EXR (default: 8).
+        fresnel: What the specular map of materials means: see `unproject render --help`.
+        eta: The index of refraction, for --fresnel eta (default: 1.5).
         size: Of a run, voxels a side of shapes or texels a side of materials: a multiple of what was trained. 128
             after 64 are shapes twice as fine; 1024 after 64 are materials that cover 16 times the side. Of folders of
             textures, pixels a side, to which they are resampled.
@@ -69,9 +69,9 @@ def run(
     to = "mtlx" if to == "materialx" else to
     found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)
     to = _format_of(out, found.domain) if to is None else _meant(to, found.domain)
-    options = _options(found.domain, to, out, faces, hull, {"depth": depth, "eta": eta})
-    if "depth" in options and fresnel is not None:
-        options["fresnel"] = fresnel
+    given = {"depth": depth, "fresnel": fresnel, "eta": eta}
+    given = {name: value for name, value in given.items() if value is not None}
+    options = _options(found.domain, to, out, faces, hull, given)
     x = _hull(found.x) if hull else torch.as_tensor(found.x)
     with naming(out):
         written = found.domain.write(x, to, out, largest_part=largest_part, numbers=only or None, **options)
@@ -104,6 +104,7 @@ def _found(
     textures = not arrays_given and textures
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
+        _refuse_coloured(source, coloured)
         return Found(opened.sample(_some(n), seed, size=size), opened.domain)
     arrays = load_arrays(source) if arrays_given else {}
     if textures or "diffuse" in arrays:
@@ -112,8 +113,14 @@ def _found(
         return Found(maps if n is None else maps[: _some(n)], domain, skipped)
     if size is not None:
         raise UserError(f"--size {size}: {source} has the size it was sampled at; give the run in its place")
+    _refuse_coloured(source, coloured)
     domain = domain_of_arrays(arrays)
     return Found(_sampled_before(source, arrays, domain.name, _some(n)), domain)
+
+
+def _refuse_coloured(source: Path, coloured: bool) -> None:
+    if coloured:
+        raise UserError(f"--coloured-specular: is for folders of textures, and {source} is none; leave it out")
 
 
 def _count(n: int | None, only: tuple[int, ...]) -> int | None:
@@ -182,7 +189,13 @@ def _options(
     if hull and domain.name != "volume":
         raise UserError(f"--hull: only volumes have a hull, and this holds {domain.name}; leave it out")
     if to in export.MATERIAL_FORMATS:
+        if "eta" in of_materials and of_materials.get("fresnel", getattr(domain, "fresnel", "eta")) != "eta":
+            raise UserError(f"--eta {of_materials['eta']:g}: the specular map is the reflectance; add --fresnel eta")
         return of_materials
+    if of_materials:
+        (name, value), *_ = of_materials.items()
+        formats = ", ".join(export.MATERIAL_FORMATS)
+        raise UserError(f"--{name} {value}: is of materials ({formats}), and --to {to} has none; leave it out")
     options: dict[str, Any] = {} if faces is None else {"faces": faces}
     if to == "gif":
         from rich.progress import track

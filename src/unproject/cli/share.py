@@ -20,7 +20,8 @@ def run(
     """Write a run for others, or send it to the Hugging Face Hub: weights in 16 bits, recipe, verdict and a model card.
 
     What is written is a run directory: it can be sampled, exported and explored anywhere, but not resumed; `fit` needs
-    the training data. Nothing in it is executable, and it names no folder of this machine.
+    the training data. Nothing in it is executable, and it names no folder of this machine. A generator or domain of
+    your own is not in it: others need its code too.
 
     Args:
         path: the run directory.
@@ -31,6 +32,7 @@ def run(
         trust: import the run's code although it is not of this package.
     """
     from ..sharing import push_to_hub, save_pretrained
+    from ..training.building import foreign_code
 
     if (out is None) == (push is None):
         raise UserError("share: give either --out FOLDER or --push OWNER/NAME")
@@ -39,3 +41,5 @@ def run(
         say(f"{shared}: shared; open it with unproject.from_pretrained, sample, export or studio")
     if push is not None:
         say(f"{push_to_hub(path, push, private=not public, trust=trust)}: shared")
+    if foreign := foreign_code(path):
+        say(f"others need code that is not in it: {', '.join(foreign)}; give it to them, and tell them of --trust")

@@ -47,7 +47,7 @@ def run(
         force: train although the estimate says that memory is too small.
     """
     from ..training import train
-    from ..training.building import is_foreign
+    from ..training.building import foreign_code
     from ..training.run_directory import COARSE, check_free
     from ._machine import say, warn_if_empty
     from ._report import leave_report
@@ -77,7 +77,7 @@ def run(
     conclude(finished, quiet)
     leave_report(finished, quiet)
     words = ["export", str(out), "--to", "png", "--out", str(out / "samples.png")]
-    say(f"next: unproject {shlex.join(words + (['--trust'] if is_foreign(out) else []))}")
+    say(f"next: unproject {shlex.join(words + (['--trust'] if foreign_code(out) else []))}")
 
 
 def parse(argv: Sequence[str]) -> Callable[[], Any]:

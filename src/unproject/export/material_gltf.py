@@ -1,13 +1,15 @@
 """glTF binary: an upright plane for each material, for Blender, Unity, Unreal and the web.
 
 The plane faces z with y up, its longer side 1; the picture's row 0 is its top edge, x of the picture is the tangent
-and y the bitangent. The material is dielectric, with F0 in KHR_materials_specular:
+and y the bitangent. The material is dielectric, with the reflectance in KHR_materials_specular:
 
-    F0 = 0.04 · specularColorFactor · specularColorTexture,    KHR_materials_ior 1.5 being the 0.04
+    F90 = w = specularTexture's alpha
+    F0 = 0.04 · specularColorFactor · specularColorTexture · w,    KHR_materials_ior 1.5 being the 0.04
 
-The format has 8-bit textures and no base colour, roughness or reflectance above 1. A base colour above 1 is divided by
-its scale, which the material's extras state; F0 above 1 is in the file and viewers stop at 1; m above 1 is 1, with
-a warning. Viewers have a GGX lobe with alpha = r² where ours is Beckmann's.
+with w = k_s if fresnel is "eta", and F0 / 0.04 if it is "albedo", at most 1, as `ops.microfacet` has it; of a coloured
+k_s its largest. The format has 8-bit textures and no base colour, roughness or reflectance above 1. A base colour above
+1 is divided by its scale, which the material's extras state; F0 above 1 is in the file and viewers stop at 1; m above 1
+is 1, with a warning. Viewers have a GGX lobe with alpha = r² where ours is Beckmann's.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ from PIL import Image
 
 from unproject._types import UserError
 from unproject.export._volumes import Written, floor_grid, save, within
-from unproject.export.materials import Fresnel, Material, as_materials, scale_of, to_srgb
+from unproject.export.materials import Fresnel, Material, as_materials, scale_of, to_srgb, unit_reflectance
+from unproject.ops.microfacet import BRIGHT
 
 _SPACING = 1.1
 _IOR = 1.5
@@ -127,20 +130,22 @@ class _Glb:
         return self._add("accessors", accessor)
 
     def _texture(self, name: str, pixels: np.ndarray) -> dict[str, int]:
-        """(H, W, 3) in [0, 1] as an embedded 8-bit PNG."""
+        """(H, W, 3 or 4) in [0, 1] as an embedded 8-bit PNG."""
         file = io.BytesIO()
         Image.fromarray(np.round(255 * pixels).astype(np.uint8)).save(file, "PNG")
         image = self._add("images", {"name": name, "mimeType": "image/png", "bufferView": self._view(file.getvalue())})
         return {"index": self._add("textures", {"sampler": 0, "source": image})}
 
     def _material(self, name: str, material: Material, extras: dict[str, Any]) -> dict[str, Any]:
-        base, brightest = scale_of(material.basecolor), float(material.specular.max())
-        reflected = np.broadcast_to(material.specular, material.basecolor.shape) / np.float32(brightest or 1)
-        r = material.roughness
+        base, r = scale_of(material.basecolor), material.roughness
         rough = np.concatenate([np.ones_like(r), r, np.zeros_like(r)], -1)
+        weight, colour = _reflectance(material.specular, _full(**extras))
+        brightest = float(colour.max())
+        reflected = self._texture(f"{name} specular", np.concatenate([to_srgb(colour / brightest), weight], -1))
         specular = {
-            "specularColorFactor": [brightest / _F0] * 3,
-            "specularColorTexture": self._texture(f"{name} specular", to_srgb(reflected)),
+            "specularTexture": reflected,
+            "specularColorFactor": [brightest] * 3,
+            "specularColorTexture": reflected,
         }
         return {
             "name": name,
@@ -153,3 +158,15 @@ class _Glb:
             "extensions": {"KHR_materials_specular": specular, "KHR_materials_ior": {"ior": _IOR}},
             "extras": {**extras, "basecolor_scale": base},
         }
+
+
+def _full(fresnel: Fresnel, eta: float) -> float:
+    """F0 from which on F90 is 1."""
+    return BRIGHT if fresnel == "albedo" else unit_reflectance(fresnel, eta)
+
+
+def _reflectance(f0: np.ndarray, full: float) -> tuple[np.ndarray, np.ndarray]:
+    """The weight (H, W, 1), F90, as 8 bits have it, and the colour (H, W, 3) for which F0 = 0.04 · colour · weight."""
+    weight = np.round(255 * (f0.max(-1, keepdims=True) / full).clip(max=1)) / 255
+    colour = np.where(weight > 0, f0 / (_F0 * np.maximum(weight, 1 / 255)), 1)
+    return weight, np.broadcast_to(colour, (*weight.shape[:2], 3))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -14,6 +13,7 @@ from .._objects import import_name
 from ..domains import BUILT_IN
 from ..training.budget import number, progress_of
 from ..training.checkpoint import newest_step, step_of
+from ..training.environment import typed_command
 from ..training.run_directory import VERDICT, read_recipe
 from .log import Log
 
@@ -106,11 +106,7 @@ class Contents:
     @property
     def command(self) -> str | None:
         """Return the command that began the run, as it would be typed; None if it is not known."""
-        words = self.environment.get("command")
-        if not isinstance(words, list) or not words:
-            return None
-        first = "unproject" if words[0] in ("__main__.py", "unproject") else str(words[0])
-        return " ".join([first, *(shlex.quote(str(word)) for word in words[1:])])
+        return typed_command(self.environment)
 
 
 def read_contents(path: Path, log: Log | None = None) -> Contents:

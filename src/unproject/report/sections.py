@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .._types import UserError
-from ..training.building import is_foreign
+from ..training.building import foreign_code
 from ..training.checkpoint import has_weights_alone
 from .contents import Contents, number
 from .curves import HEIGHT, charts_of, draw
@@ -209,7 +209,7 @@ def commands_section(contents: Contents) -> str:
     run, made = shlex.quote(str(contents.path)), contents.command
     function = str(contents.recipe.get("function", ""))
     again = " --trust" if function and not function.startswith("unproject.") else ""  # it makes the recipe again
-    drawn = " --trust" if is_foreign(contents.path) else ""
+    drawn = " --trust" if foreign_code(contents.path) else ""
     minutes = math.ceil(min(2 * max(contents.seconds, 30) / 60, LONGEST))
     further = f"unproject resume {run}" + (f" --minutes {minutes}" if contents.complete else "")
     goes_on = [command("goes on with it", further + again)]

@@ -7,12 +7,13 @@ References:
 from __future__ import annotations
 
 import json
-import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..training import Run
+from ..training.building import foreign_code
+from ..training.environment import typed_command
 from ..training.run_directory import VERDICT
 
 CARD = "README.md"
@@ -32,8 +33,7 @@ def card_of(run: Run, folder: Path, title: str) -> str:
         f"recipe `{recipe.get('recipe') or 'of its own'}`, {run.step:,} steps.",
         _picture(folder),
         "## Use",
-        f'```python\nimport unproject as up\n\nrun = up.from_pretrained("OWNER/NAME")  # or a folder\n'
-        f"x = run.sample(8, seed=1)  # {tuple(run.sample(1).shape[1:])} each\n```",
+        _use(run, foreign_code(folder)),
         "## Scores",
         _scores(verdict),
         "## Where it comes from",
@@ -43,6 +43,16 @@ def card_of(run: Run, folder: Path, title: str) -> str:
         "It cannot be trained on: discriminators and optimisers are not part of it.",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _use(run: Run, foreign: Sequence[str]) -> str:
+    trust = ", trust=True" if foreign else ""
+    code = (
+        f'```python\nimport unproject as up\n\nrun = up.from_pretrained("OWNER/NAME"{trust})  # or a folder\n'
+        f"x = run.sample(8, seed=1)  # {tuple(run.sample(1).shape[1:])} each\n```"
+    )
+    needs = f"It needs code that is not in it, and has to be importable: `{'`, `'.join(foreign)}`."
+    return f"{code}\n\n{needs}" if foreign else code
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -83,10 +93,10 @@ def _provenance(recipe: Mapping[str, Any], environment: Mapping[str, Any]) -> st
     arguments = _mapping(recipe.get("arguments"))
     data = arguments.get("data") or "the recipe's own, procedural or embedded"
     data = data.get("path", data) if isinstance(data, dict) else data
-    command = environment.get("command")
+    command = typed_command(environment)
     rows = {
         "data": data,
-        "command": f"`{shlex.join(map(str, command))}`" if isinstance(command, list) else None,
+        "command": f"`{command}`" if command else None,
         "seed": arguments.get("seed"),
         "begun": environment.get("started"),
         "commit": environment.get("commit"),

@@ -7,6 +7,7 @@ exported, explored and fitted, but not resumed. Floats have 16 bits, labels of v
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .._files import filled_folder, read_json, write_text
+from .._files import filled_folder, naming, read_json, write_text
 from .._types import UserError
 from ..training import Run, load
 from ..training import checkpoint as checkpoints
@@ -82,7 +83,7 @@ def save_pretrained(run: Run | str | PathLike[str], folder: str | PathLike[str],
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder}: is not empty; give another --out")
-    with filled_folder(folder) as staging:
+    with naming(folder), filled_folder(folder) as staging:
         _fill(staging, opened, folder.resolve().name)
     return folder
 
@@ -118,17 +119,17 @@ def _copy_log(opened: Run, file: Path) -> None:
     source = opened.path / LOG
     if source.is_file():
         text = source.read_text(encoding="utf-8", errors="replace")  # a damaged line is passed over
-        lines = [line for line in text.splitlines(keepends=True) if "event" not in line]
-        lines = [line for line in lines if _step_of(line) <= opened.step]
+        lines = [line for line in text.splitlines(keepends=True) if _step_of(line) <= opened.step]
         rows = range(0, len(lines), -(-len(lines) // LINES) or 1)
         write_text(file, "".join(lines[row] for row in rows))
 
 
 def _step_of(line: str) -> float:
-    """Return the step of a line of the log; 0 of a damaged one, which the copy's reader passes over."""
+    """Return the step of losses; of an event none, and of a damaged line 0: the copy's reader passes over it."""
     try:
-        step = json.loads(line)["step"]
-    except (ValueError, KeyError, TypeError):
+        found = json.loads(line)
+        step = math.inf if "event" in found else found["step"]
+    except (ValueError, KeyError, TypeError, RecursionError):
         return 0.0
     return step if isinstance(step, (int, float)) else 0.0
 
@@ -154,9 +155,11 @@ def small(value: Tensor) -> Tensor:
 
 
 def without_paths(value: Any) -> Any:
-    """Return a JSON value whose absolute paths are shortened to their last part; of a `command` relative ones too.
+    """Return a JSON value whose paths are shortened to their last part.
 
-    A run may have been trained on another system than that which shares it: paths are those of either.
+    A run may have been trained on another system than that which shares it: paths are those of either. Of a `command`,
+    and of the `arguments` of a recipe, everything with a separator is one; elsewhere what has a root, or begins with
+    `.`, `~` or `file:`, since generators are built again from what is there.
 
     Examples:
         >>> without_paths({"data": "/data/secret/masks", "rate": 0.1})
@@ -165,21 +168,29 @@ def without_paths(value: Any) -> Any:
         {'data': 'masks'}
         >>> without_paths({"command": ["unproject", "train", "shapes", "--data=../lr=1/masks"]})
         {'command': ['unproject', 'train', 'shapes', '--data=masks']}
+        >>> without_paths({"recipe": "mine:scans", "arguments": {"data": "clients/acme/masks"}})
+        {'recipe': 'mine:scans', 'arguments': {'data': 'masks'}}
     """
+    return _without_paths(value, everywhere=False)
+
+
+def _without_paths(value: Any, everywhere: bool) -> Any:
     if isinstance(value, Mapping):
-        return {
-            name: [_short_word(word) for word in part]
-            if name == "command" and isinstance(part, list)
-            else without_paths(part)
-            for name, part in value.items()
-        }
+        # A generator, which a shared run is built from, has a `call` beside its arguments.
+        given = {"command"} if "call" in value else {"command", "arguments"}
+        return {name: _without_paths(part, everywhere or name in given) for name, part in value.items()}
     if isinstance(value, list):
-        return [without_paths(part) for part in value]
-    if isinstance(value, str) and PureWindowsPath(value).root:  # which takes / and \ for separators
-        return PureWindowsPath(value).name
+        return [_without_paths(part, everywhere) for part in value]
+    if isinstance(value, str) and (everywhere or _is_path(value)):
+        return _short_word(value)
     return value
 
 
-def _short_word(word: Any) -> str:
-    flag, sign, path = str(word).partition("=") if re.match("-[^=]*=", str(word)) else ("", "", str(word))
+def _is_path(text: str) -> bool:
+    """Whether a text is a path for sure; PureWindowsPath takes / and \\ for separators."""
+    return bool(PureWindowsPath(text).root or re.match(r"(\.{0,2}|~[^/\\]*|file:)[/\\]", text))
+
+
+def _short_word(word: str) -> str:
+    flag, sign, path = word.partition("=") if re.match("-[^=]*=", word) else ("", "", word)
     return flag + sign + re.split(r"[/\\]", path.rstrip("/\\"))[-1]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..training import Run, load
-from ..training.checkpoint import checkpoint_of, list_checkpoints
+from ..training.checkpoint import checkpoint_of, list_checkpoints, step_of
 from .answers import Busy, Missing, Request
 from .folder import Folder
 from .worker import Worker
@@ -100,7 +100,7 @@ class State:
         def read() -> tuple[int | None, Run]:
             if stored is None and newest is not None:
                 raise Missing(f"{name}: its weights of step {step:,} are no longer there; show the newest")
-            return stored, load(path, trust=self.trust)
+            return stored, load(path, trust=self.trust, step=step_of(newest) if newest else None)  # not a newer one
 
         return self.kept(key, read, OPENED)[1]
 

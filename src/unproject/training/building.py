@@ -15,11 +15,12 @@ from ..domains import Domain
 from .run_directory import read_recipe
 
 
-def is_foreign(path: Path) -> bool:
-    """Whether loading the run imports code outside this package, which needs `trust`."""
+def foreign_code(path: Path) -> list[str]:
+    """Return the names `module:name` outside this package that loading the run imports, which needs `trust`."""
     resolved = read_recipe(path)["resolved"]
     parts = [(resolved.get("generator"), "call"), (resolved.get("domain"), "type")]
-    return any(_outside(str(part.get(key))) for part, key in parts if isinstance(part, Mapping))
+    names = [str(part.get(key)) for part, key in parts if isinstance(part, Mapping)]
+    return [name for name in names if _outside(name)]
 
 
 def _outside(name: str) -> bool:

@@ -84,6 +84,15 @@ def newest(folder: Path) -> Path:
     return found[-1]
 
 
+def chosen(folder: Path, step: int | None = None) -> Path:
+    """The checkpoint of a step, by default the newest. Raises UserError if there is none."""
+    file = newest(folder) if step is None else checkpoint_of(folder, step)
+    if not file.is_file():
+        kept = ", ".join(f"{step_of(other):,}" for other in list_checkpoints(folder)) or "none"
+        raise UserError(f"{folder}: no checkpoint of step {step:,}; those that are kept: {kept}")
+    return file
+
+
 def load(path: Path, prefix: str = "") -> dict[str, Tensor]:
     """The tensors of a checkpoint whose names begin with `prefix`.
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import platform
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
@@ -31,6 +33,20 @@ def environment() -> dict[str, Any]:
         "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
         "packages": {name: _version(name) for name in packages},
     }
+
+
+def typed_command(found: Mapping[str, Any]) -> str | None:
+    """Return the command that began a run, as it would be typed, of what `environment` returned; None if not known.
+
+    Examples:
+        >>> typed_command({"command": ["__main__.py", "train", "shapes", "--data", "my masks"]})
+        "unproject train shapes --data 'my masks'"
+    """
+    words = found.get("command")
+    if not isinstance(words, list) or not words:
+        return None
+    first = "unproject" if words[0] in ("__main__.py", "unproject") else str(words[0])
+    return " ".join([first, *(shlex.quote(str(word)) for word in words[1:])])
 
 
 def _processor() -> str:

@@ -223,7 +223,9 @@ class Run:
         return states
 
 
-def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: Recipe | None = None) -> Run:
+def load(
+    path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: Recipe | None = None, step: int | None = None
+) -> Run:
     """Open a run: the averaged weights of its newest checkpoint. The training data are not needed.
 
     The classes of generator and domain are named in recipe.json. Classes of this package are built at once; a class
@@ -235,10 +237,11 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
         trust: import code outside this package.
         recipe: the run's recipe, which builds the generator in place of what recipe.json names: for a class that
             cannot be imported, as of a notebook, or whose arguments are tensors. Nothing else needs `trust` then.
+        step: of the checkpoint, if not the newest; the oldest are removed while a run is trained.
 
     Raises:
-        UserError: if `path` is no run, has no checkpoint yet, is damaged, or is not trusted; if `recipe` has another
-            generator or domain, or other data.
+        UserError: if `path` is no run, has no checkpoint yet or none of `step`, is damaged, or is not trusted; if
+            `recipe` has another generator or domain, or other data.
 
     Examples:
         >>> import functools, unproject as up
@@ -266,14 +269,14 @@ def load(path: str | Path, *, device: str = "cpu", trust: bool = False, recipe: 
         described = stored["resolved"].get("domain")
         given = None if described is None else build_domain(path, described, trust)
     domain = domain_of(generator, given)
-    newest = checkpoint.newest(path / "checkpoints")
-    tensors = checkpoint.load(newest, "average/")
+    file = checkpoint.chosen(path / "checkpoints", step)
+    tensors = checkpoint.load(file, "average/")
     try:
         generator.load_state_dict({name.removeprefix("average/"): v for name, v in tensors.items()})
     except RuntimeError as error:
-        raise UserError(f"{newest}: the weights do not fit recipe.json: another run's or version's") from error
-    keep_hull_if_level(generator, checkpoint.load(newest, "panels/"))
-    step = checkpoint.step_of(newest)
-    spent = checkpoint.load(newest, f"{COUNTERS}seconds").values()  # nothing in a shared run
+        raise UserError(f"{file}: the weights do not fit recipe.json: another run's or version's") from error
+    keep_hull_if_level(generator, checkpoint.load(file, "panels/"))
+    step = checkpoint.step_of(file)
+    spent = checkpoint.load(file, f"{COUNTERS}seconds").values()  # nothing in a shared run
     complete = all(progress_of(stored["resolved"], step, float(seconds.sum())) >= 1 for seconds in spent)
     return Run(path, generator.eval().to(place), step, domain, complete, given=recipe, trusted=trust)
