@@ -12,7 +12,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "unproject"
 
 LAYERS = (
-    ("_types", "_random", "_files", "_objects", "_pictures", "_parent", "_silence"),
+    ("_types", "_random", "_cores", "_files", "_objects", "_pictures", "_parent", "_silence"),
     ("ops",),
     ("projections", "networks", "data", "metrics", "export"),
     ("adversarial", "assignment", "domains", "testing"),

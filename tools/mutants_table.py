@@ -875,6 +875,27 @@ LIGHT_AND_MAPS = (
         "export/test_materials.py::test_the_embedded_pictures_hold_the_material",
     ),
     mutant(
+        "threads: a container computes with all cores of its host",
+        "cli/_threads.py",
+        "min(torch.get_num_threads(), cores_given())",
+        "torch.get_num_threads()",
+        "cli/test_threads.py::test_a_container_computes_with_the_cores_it_is_given",
+    ),
+    mutant(
+        "cores: groups around a process's own give what they like",
+        "_cores.py",
+        "for one in (group, *group.parents) if one.is_relative_to(top)",
+        "for one in (group,)",
+        "test_cores.py",
+    ),
+    mutant(
+        "cores: a quota of none is none",
+        "_cores.py",
+        "if int(given) > 0 else math.inf",
+        "if True else math.inf",
+        "test_cores.py",
+    ),
+    mutant(
         "glTF: what reflects nothing shines at grazing angles",
         "export/material_gltf.py",
         "(f0.max(-1, keepdims=True) / full).clip(max=1)",

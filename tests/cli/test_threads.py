@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from unproject import cli
+from unproject import _cores, cli
 from unproject.cli import _threads
 from unproject.cli._threads import Clocks, begin_to_measure, use_threads
 from unproject.training.run_directory import threads_of
@@ -33,6 +33,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine
     torch.set_num_threads(CORES)
     clock = [100.0, 7.0]
     monkeypatch.setattr(_threads, "STATISTICS", tmp_path / "stat")
+    monkeypatch.setattr(_cores, "OWN", tmp_path / "in no control group")
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(4, 4 + CORES)))
     monkeypatch.setattr(time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(
@@ -92,6 +93,17 @@ def test_it_is_said_that_cores_are_busy(machine: Machine, capsys: pytest.Capture
     use_threads(None)
     line = "7 of 8 cores are kept busy by other programs; computing with 1 thread (--threads changes that)\n"
     assert capsys.readouterr().err == line
+
+
+def test_a_container_computes_with_the_cores_it_is_given(machine: Machine, tmp_path: Path, monkeypatch, capsys):
+    """It sees all those of its host, which may be idle."""
+    (tmp_path / "own").write_text("0::/\n")
+    (tmp_path / "cpu.max").write_text("300000 100000\n")
+    monkeypatch.setattr(_cores, "OWN", tmp_path / "own")
+    monkeypatch.setattr(_cores, "GROUPS", tmp_path)
+    machine(1)
+    use_threads(None)
+    assert torch.get_num_threads() == 3 and capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("before, busy, used", [(3, 0, 3), (3, 6, 3), (8, 6, 8), (64, 0, 8)])

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from .._cores import cores
 from .._parent import PARENT
 from .._types import UserError
 from ._machine import leads
@@ -57,7 +58,7 @@ def launch(words: Sequence[str], count: int) -> int:
     from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
     # Threads of several processes would wait for one another's processors.
-    os.environ.setdefault("OMP_NUM_THREADS", str(max((os.cpu_count() or 1) // count, 1)))
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(cores() // count, 1)))
     os.environ[PARENT] = str(os.getpid())  # they stop when this process is killed, which has the terminal
     logging.disable(logging.CRITICAL)  # the agent's own report of a failure
     config = LaunchConfig(

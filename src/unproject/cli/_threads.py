@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from .._cores import cores as cores_given
 from .._types import UserError
 
 MOST_THREADS = 1024
@@ -65,8 +66,8 @@ def use_threads(threads: int | None, before: int | None = None) -> None:
     """Let torch use this many threads.
 
     Args:
-        threads: how many; None for one a free core, where the system tells of its cores and the environment does not
-            choose, otherwise torch's own choice.
+        threads: how many; None for one a free core, of those that this process is given, where the system tells of its
+            cores and the environment does not choose, otherwise torch's own choice.
         before: how many a run had that goes on, which then has as many again, but for cores that are not there: sums
             of other threads differ in their last digits, and some ten steps later in the first.
 
@@ -82,7 +83,7 @@ def use_threads(threads: int | None, before: int | None = None) -> None:
         return
     if _are_given():
         return
-    cores = torch.get_num_threads()
+    cores = min(torch.get_num_threads(), cores_given())
     free = min(max(_free_cores(cores), 1), cores)
     torch.set_num_threads(free if before is None else min(before, cores))
     _say(torch.get_num_threads(), free, cores)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Literal
 
+from .._cores import cores
 from .._files import write_text
 from .._types import UserError
 
@@ -48,11 +48,10 @@ def run(
     from ..reproduce import STRUCTURES, Settings, structure
     from ..reproduce import reproduce as go
 
-    cores = os.cpu_count() or 1
-    parallel = min(PARALLEL[budget], cores) if parallel is None else parallel
+    parallel = min(PARALLEL[budget], cores()) if parallel is None else parallel
     if min(seeds, parallel, 1 if threads is None else threads) < 1:
         raise UserError(f"--seeds {seeds} --parallel {parallel} --threads {threads}: give at least 1 of each")
-    threads = max(1, cores // parallel) if threads is None else threads
+    threads = max(1, cores() // parallel) if threads is None else threads
     if data is not None and not data.is_dir():
         raise UserError(f"--data {data}: is no folder; give the one that holds the real collections")
     for name in STRUCTURES if figure == "all" else {figure} & set(STRUCTURES):

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from ..._cores import cores
 from ..._pictures import UnusablePicture
 from ..._types import UserError
 
@@ -81,11 +82,6 @@ def items_of(files: Sequence[Path], read: Read, strict: bool) -> Iterator[tuple[
             if strict and isinstance(item, str):
                 raise UserError(f"{file}: {item}; fix or remove it, or leave out --strict")
             yield file, item
-
-
-def cores() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 Results = Callable[[Sequence[Path]], Iterator["Item | str"]]
