@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from .._types import UserError, printable
+from ._formats import SYNONYMS, format_of
 from ._machine import say_skipped, warn_if_empty
 from ._materials import read_maps
 
@@ -66,12 +67,11 @@ def run(
 
     from .._files import naming
 
-    to = "mtlx" if to == "materialx" else to
     found = _chosen(_found(source, to, _count(n, only), seed, trust, size, coloured_specular), only)
-    to = _format_of(out, found.domain) if to is None else _meant(to, found.domain)
+    to = format_of(to, out, found.domain)
     given = {"depth": depth, "fresnel": fresnel, "eta": eta}
     given = {name: value for name, value in given.items() if value is not None}
-    options = _options(found.domain, to, out, faces, hull, given)
+    options = _options(found.domain, to, faces, hull, given)
     x = _hull(found.x) if hull else torch.as_tensor(found.x)
     with naming(out):
         written = found.domain.write(x, to, out, largest_part=largest_part, numbers=only or None, **options)
@@ -100,7 +100,8 @@ def _found(
     from ..training import load
 
     arrays_given = source.suffix.lower() == ".npz"
-    textures = to in export.MATERIAL_FORMATS or (to == "glb" and source.is_dir()) or holds_materials(source)
+    of_materials = to is not None and SYNONYMS.get(to, to) in export.MATERIAL_FORMATS
+    textures = of_materials or (to == "glb" and source.is_dir()) or holds_materials(source)
     textures = not arrays_given and textures
     if (source / "recipe.json").exists() or not (arrays_given or textures):
         opened = load(source, trust=trust)
@@ -143,47 +144,14 @@ def _chosen(found: Found, only: tuple[int, ...]) -> Found:
     return found._replace(x=found.x[list(only)]) if only else found
 
 
-def _format_of(out: Path, domain: Domain) -> str:
-    """Return the format that the name of a file asks for, or that in which samples are written by default."""
-    if out.is_dir() or not out.suffix:
-        return domain.written
-    suffix = out.suffix[1:].lower()
-    of_suffix = {WRITTEN.get(name, name): name for name in reversed(list(domain.exporters))}
-    meant = of_suffix.get(suffix, _meant(suffix, domain))
-    return meant if meant in domain.exporters else domain.written
-
-
-def _meant(to: str, domain: Domain) -> str:
-    """Return a format by the name that it has for this domain: glTF is glb of shapes and gltf of materials."""
-    other = ALSO.get(to, to)
-    return other if to not in domain.exporters and other in domain.exporters else to
-
-
-ALSO = {"glb": "gltf", "gltf": "glb"}
-"""Two names of a format."""
-
-
-def check_format(domain: Domain, to: str) -> None:
-    """Raise UserError for a format that the domain does not have."""
-    if to not in domain.exporters:
-        raise UserError(f"--to {to}: there is no such format; choose from {', '.join(domain.exporters)}")
-
-
-def _options(
-    domain: Domain, to: str, out: Path, faces: int | None, hull: bool, of_materials: dict[str, Any]
-) -> dict[str, Any]:
+def _options(domain: Domain, to: str, faces: int | None, hull: bool, of_materials: dict[str, Any]) -> dict[str, Any]:
     """Return the options of an exporter.
 
     Raises:
-        UserError: for a format that the domain does not have, or options that the format does not take.
+        UserError: for those that the format does not take.
     """
     from .. import export
 
-    check_format(domain, to)
-    own = WRITTEN.get(to, to)
-    if out.suffix[1:].lower() in {*export.FORMATS, *OTHER_SUFFIXES} - {own} and not out.is_dir():
-        wanted = f"a name that ends in .{own}, or a folder" if own else "the name of a folder"
-        raise UserError(f"--out {out}: --to {to} writes no such file; give {wanted}")
     if faces is not None and (to not in ("glb", "obj", "ply") or faces < 4):
         raise UserError(f"--faces {faces} with --to {to}: it is a number of triangles, at least 4, for glb, obj or ply")
     if hull and domain.name != "volume":
@@ -202,14 +170,6 @@ def _options(
 
         options["track"] = lambda frames: track(frames, description="turntable")
     return options
-
-
-OTHER_SUFFIXES = (
-    *("gltf", "mtlx", "jpg", "jpeg", "webp", "exr", "tif", "tiff", "bmp", "svg", "pdf", "mp4", "webm", "mov", "zip"),
-    *("stl", "off", "fbx", "usd", "usda", "usdc", "usdz", "blend", "abc", "dae", "3mf", "step", "stp", "x3d"),
-)
-WRITTEN = {"gltf": "glb", "maps": "", "mtlx": ""}
-"""Suffixes of files that are no format's, and format → the suffix of its files where that is not its name."""
 
 
 SAMPLES = 16

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .._types import UserError
+from ._formats import check_format
 from ._threads import use_threads
-from .export import check_format
 
 if TYPE_CHECKING:
     from ..domains import Domain
