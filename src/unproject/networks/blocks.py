@@ -41,6 +41,17 @@ def halved_widths(channels: int, levels: int, least: int = 8) -> list[int]:
     return [channels, *(max(channels // 2**i, least) for i in range(1, levels + 1))]
 
 
+def last_keeps_width(channels: int, levels: int, least: int = 8) -> bool:
+    """Whether the last of several levels has as many channels as the one before, so that it may change nothing.
+
+    Examples:
+        >>> last_keeps_width(32, 3), last_keeps_width(128, 3)
+        (True, False)
+    """
+    *_, before, last = halved_widths(channels, levels, least)
+    return levels > 1 and before == last
+
+
 def mapping(code_size: int, hidden: int) -> nn.Sequential:
     """Return the network that maps codes (B, L) to what modulates the levels, (B, hidden)."""
     return nn.Sequential(nn.Linear(code_size, hidden), nn.LeakyReLU(0.2), nn.Linear(hidden, hidden), nn.LeakyReLU(0.2))
@@ -68,6 +79,7 @@ class SmoothUpsampling(nn.Module):
         dims = len(shape)
         convolution = nn.Conv2d if dims == 2 else nn.Conv1d
         widths = halved_widths(channels, levels, outputs)
+        self.grows = last_keeps_width(channels, levels, outputs)
         self.shape = (channels, *[side // 2**levels for side in shape])
         self.start = nn.Linear(inputs, math.prod(self.shape))
         self.norms = nn.ModuleList([ModulatedNorm(inputs, width, dims) for width in widths])
@@ -84,12 +96,6 @@ class SmoothUpsampling(nn.Module):
         for convolution, norm in zip(self.levels, list(self.norms)[1:], strict=True):
             x = F.relu(norm(doubled(convolution(x)), hidden))
         return self.last(x)
-
-    @property
-    def grows(self) -> bool:
-        """Whether the last level has as many channels as the one before, so that it may change nothing."""
-        outputs, inputs, *_ = self.levels[-1].get_parameter("weight").shape
-        return len(self.levels) > 1 and inputs == outputs
 
     def last_level(self) -> set[str]:
         """Return the names of the weights of the last level."""

@@ -10,7 +10,7 @@ from typing import Any
 from ..adversarial.regularisers import Rectilinear, Regulariser, Regularisers, Solid
 from ..assignment import Panel, Predicted
 from ..networks import MultiScaleDiscriminator, ViewPredictor
-from ..networks.blocks import halved_widths, upsampling_levels
+from ..networks.blocks import last_keeps_width, upsampling_levels
 from ..training import Adam, Coarse, Recipe
 from .sizes import SMALL
 
@@ -32,7 +32,9 @@ def from_half_size(recipe: Recipe, function: Callable[..., Recipe], arguments: M
         arguments: that it was called with, those of fields of `Recipe` in `options`.
     """
     size = recipe.panels[0].shape[-1]
-    if size < 2 * SMALL or arguments["views"] == "direct" or not _grows(size, arguments["channels"], arguments["rank"]):
+    if size < 2 * SMALL or arguments["views"] == "direct":
+        return recipe
+    if not last_keeps_width(arguments["channels"], upsampling_levels(size), arguments["rank"]):
         return recipe
     given = {**arguments, **arguments["options"], "size": size // 2}
     own = {name: value for name, value in given.items() if name not in ("options", "steps", "minutes")}
@@ -48,11 +50,6 @@ def from_half_size(recipe: Recipe, function: Callable[..., Recipe], arguments: M
         discriminator=partial(MultiScaleDiscriminator, coarsest=SMALL, **settings),
         panels=[_with_small_pictures(panel) for panel in recipe.panels],
     )
-
-
-def _grows(size: int, channels: int, rank: int) -> bool:
-    *_, before, last = halved_widths(channels, upsampling_levels(size), rank)
-    return before == last
 
 
 def _halved(adam: Adam) -> Adam:
