@@ -875,6 +875,27 @@ LIGHT_AND_MAPS = (
         "export/test_materials.py::test_the_embedded_pictures_hold_the_material",
     ),
     mutant(
+        "pace: a moment of other programs is told of",
+        "training/pace.py",
+        "not (self._is_slow and was_slow)",
+        "not self._is_slow",
+        "training/test_pace.py",
+    ),
+    mutant(
+        "pace: it is told of again and again",
+        "training/pace.py",
+        "self._told = True",
+        "pass",
+        "training/test_pace.py",
+    ),
+    mutant(
+        "pace: one thread is told not to wait for others",
+        "training/trainer.py",
+        'state.device.type == "cpu" and torch.get_num_threads() > 1:',
+        'state.device.type == "cpu":',
+        "training/test_pace.py",
+    ),
+    mutant(
         "threads: a container computes with all cores of its host",
         "cli/_threads.py",
         "min(torch.get_num_threads(), cores_given())",

@@ -6,6 +6,8 @@ start it. A CUDA graph starts all of a pass at once: the same kernels in the sam
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
@@ -18,6 +20,11 @@ ENABLED = True
 """Whether passes are replayed where they can be."""
 TRIALS = 3
 """Passes before the one that is recorded, in which libraries choose and load their kernels."""
+
+
+def can_compile(device: torch.device) -> bool:
+    """Whether torch can compile for a device: on processors it needs a compiler."""
+    return device.type == "cuda" or any(map(shutil.which, (os.environ.get("CXX", "g++"), "clang++")))
 
 
 class Graphs:

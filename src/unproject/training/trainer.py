@@ -7,8 +7,6 @@ numbers of one never killed, as long as the budget is in steps; a budget in minu
 from __future__ import annotations
 
 import math
-import os
-import shutil
 import time
 from collections.abc import Callable
 from functools import partial
@@ -27,9 +25,10 @@ from .batch import Batch
 from .budget import stored_of
 from .choosing import choose
 from .distribution import Distribution
-from .graphs import Graphs, replayable
+from .graphs import Graphs, can_compile, replayable
 from .health import EVERY, check, check_finite, diversity
 from .overfitting import adapt, held_out_logits
+from .pace import SLOWER, Pace
 from .recipe import Recipe
 from .recorder import Recorder
 from .run_directory import VERDICT
@@ -72,7 +71,7 @@ class Trainer:
         self.forward = self._compiled()
         self.began = time.monotonic() - self.state.counters.seconds
         self.saved = stored_of(recipe, self.state.counters) if self.state.counters.step else None
-        self.last_seconds = math.inf
+        self.last_seconds, self.pace = math.inf, Pace()
         self.before: dict[str, Tensor] | None = None
 
     def step(self) -> None:
@@ -101,6 +100,8 @@ class Trainer:
             losses |= self._update_discriminators(batches, draw, progress)
         losses["loss_g"] = self._update_generator(x, batches, progress)
         self.last_seconds = time.monotonic() - began
+        if (times := self.pace.add(self.last_seconds)) and state.device.type == "cpu" and torch.get_num_threads() > 1:
+            self.recorder.say(SLOWER.format(times))
         self._finish_step(progress, losses, batches)
 
     def _remember(self) -> None:
@@ -290,11 +291,10 @@ class Trainer:
         self.saved = stored_of(self.recipe, counters)
 
     def _compiled(self) -> Callable[[Tensor], Tensor]:
-        """Compile the generator if asked for and possible: torch needs a compiler on processors."""
-        generator = self.state.generator
+        """Compile the generator if asked for and possible."""
+        generator, wanted = self.state.generator, self.recipe.compile and can_compile(self.state.device)
         self.graphs.forget()
-        possible = self.state.device.type == "cuda" or any(map(shutil.which, (os.environ.get("CXX", "g++"), "clang++")))
-        return torch.compile(generator) if self.recipe.compile and possible else partial(self.graphs, generator)
+        return torch.compile(generator) if wanted else partial(self.graphs, generator)
 
     def _autocast(self) -> torch.autocast:
         return torch.autocast(self.state.device.type, torch.bfloat16, enabled=self.recipe.precision == "bfloat16")
