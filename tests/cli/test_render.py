@@ -136,6 +136,8 @@ def test_the_same_seed_is_the_same_picture_and_a_file_of_light_is_read(maps: Pat
         (["--strip", "0"], "--strip"),
         (["--fresnel", "none"], "fresnel"),
         (["--distance", "0"], "distance"),
+        (["--repeat"], "--repeat: is of --space image"),
+        (["--eta", "1.3", "--fresnel", "albedo"], "--eta 1.3: the specular map is the reflectance"),
     ],
 )
 def test_a_mistake_is_one_line(

@@ -103,14 +103,18 @@ def test_facets_fill_the_surface(m: float) -> None:
 @pytest.mark.parametrize("fresnel", ["eta", "albedo"])
 @pytest.mark.parametrize("m", [0.02, 0.1, 0.3, 1.0])
 def test_no_more_is_reflected_than_comes(fresnel: str, m: float) -> None:
-    """The white furnace: with k_d + k_s = 1 no view returns more than 1. Quadrature over half vectors and cosines."""
+    """The white furnace: with k_d + k_s = 1 no view returns more than 1. Quadrature over half vectors and cosines.
+
+    The artists' base is dimmed by F of the view alone, the lobe by those of its facets, whose mean is more.
+    """
     u, v = (
         x.flatten() for x in torch.meshgrid(*[(torch.arange(150, dtype=torch.float64) + 0.5) / 150] * 2, indexing="ij")
     )
     rough = torch.tensor(m, dtype=torch.float64)
-    for degrees in (0, 30, 60, 80, 85, 89):
+    whites = ((0.0, 1.0), (0.5, 0.5), (0.96, 0.04), (1.0, 0.0), *([(1.0, 0.04)] if fresnel == "albedo" else []))
+    for degrees in (0, 30, 55, 60, 80, 85, 89):
         o = view(degrees)
-        for k_d, k_s in ((0.0, 1.0), (0.5, 0.5), (0.96, 0.04), (1.0, 0.0)):
+        for k_d, k_s in whites:
             model = Reflection(fresnel)  # pyright: ignore[reportArgumentType]
             scale = torch.tensor(k_s, dtype=torch.float64)
             i = torch.cat([reflect(o, sample_beckmann(u, v, rough)), sample_cosine(u, v)])
@@ -118,7 +122,7 @@ def test_no_more_is_reflected_than_comes(fresnel: str, m: float) -> None:
             base = model.base(torch.full((3,), k_d, dtype=torch.float64), scale, o[2])[0]
             value = base * cosine_density(i) + model.lobe(scale, rough, i, o.expand_as(i))
             total = (value / density.clamp(min=1e-12)).sum().item()
-            assert total <= 1 + 2e-3
+            assert total <= 1 + (2e-3 if k_d + k_s == 1 else 5e-3)
             assert fresnel == "eta" or k_s < 1 or m > 0.1 or degrees > 60 or total > 0.97
 
 

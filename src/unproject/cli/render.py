@@ -27,7 +27,7 @@ def run(
     light: str = "env:studio",
     samples: int = 256,
     seed: int = 0,
-    eta: float = 1.5,
+    eta: float | None = None,
     fresnel: Literal["eta", "albedo"] | None = None,
     shadowing: Literal["smith", "cook-torrance"] = "smith",
     space: Literal["texture", "image"] = "texture",
@@ -49,7 +49,7 @@ def run(
             directional:ANGLE,AZIMUTH or coloured:ANGLE,AZIMUTH (red from there, green and blue 120 and 240 degrees on).
         samples: Samples a pixel, for natural and ambient light.
         seed: Which samples: the same seed gives the same picture.
-        eta: The index of refraction, for --fresnel eta.
+        eta: The index of refraction, for --fresnel eta (default: 1.5).
         fresnel: eta: the specular map scales a reflectance given by --eta; albedo: it is that reflectance (default:
             what the .npz says in its entry `fresnel`, else eta; albedo for a folder of textures).
         shadowing: Smith's for Beckmann facets, or Cook and Torrance's grooves.
@@ -68,11 +68,16 @@ def run(
 
     use_threads(threads)
     _check(out, strip)
+    if repeat and space != "image":
+        raise UserError("--repeat: is of --space image; each texel in its own place has nothing beside it")
     theta, phi = view_of(view)
     lighting, latents = light_of(light)
-    reflection, sampling = Reflection(fresnel or "eta", eta, shadowing), Sampling(samples)  # mistakes come first
+    index = 1.5 if eta is None else eta
+    reflection, sampling = Reflection(fresnel or "eta", index, shadowing), Sampling(samples)  # mistakes come first
     material = read_maps(maps, size, coloured_specular)
-    reflection = Reflection(fresnel or material.fresnel, eta, shadowing)
+    reflection = Reflection(fresnel or material.fresnel, index, shadowing)
+    if eta is not None and reflection.fresnel != "eta":
+        raise UserError(f"--eta {eta:g}: the specular map is the reflectance; add --fresnel eta")
     look = Rendering(lighting, reflection, sampling, distance, space, repeat, out.suffix != ".npy")
     frames = [
         _look(look, material.maps, {"view": view_k, "view_azimuth": math.radians(phi), **latents_k}, seed)

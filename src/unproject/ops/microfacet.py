@@ -69,7 +69,8 @@ class Reflection:
     Attributes:
         fresnel: "eta", the paper's: F0 comes from η and k_s scales the lobe; energy is conserved if k_d + k_s ≤ 1.
             "albedo", the convention of artists: F0 = k_s, and the base has the albedo k_d (1 - F(cosθo)), so that
-            energy is conserved. F90 is proportional to k_s below 0.04, so that k_s = 0 means no lobe.
+            energy is conserved to half a per cent: the lobe has the mean of F over its facets. F90 is proportional to
+            k_s below 0.04, so that k_s = 0 means no lobe.
         eta: the index of refraction of "eta".
         shadowing: "smith", separable, or "cook-torrance".
 

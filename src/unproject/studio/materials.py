@@ -9,14 +9,13 @@ import tempfile
 from pathlib import Path
 from typing import cast, get_args
 
-import torch.nn.functional as F
 from PIL import Image
 from torch import Tensor
 
 from .. import export
 from .._types import UserError
 from ..data import procedural_probes, read_probe
-from ..data.readers.probes import SUFFIXES
+from ..data.readers.probes import SUFFIXES, resample_probe
 from ..domains import Maps
 from ..ops.environment import Environments
 from ..ops.maps import unpack_maps
@@ -30,7 +29,7 @@ from .state import State
 
 PLACE = ("run", "pick", "other", "mix", "truncation", "slides")
 LAMPS = ("ambient", "directional", "coloured")
-FINEST = (256, 512)
+FINEST = 256
 """Rows and columns of a dropped environment at most: finer ones light a material alike."""
 STEEPEST = 85.0
 SAMPLES = 128
@@ -123,8 +122,7 @@ def add_light(state: State, request: Request) -> Answer:
                 radiance = read_probe(file)
             except UserError as error:
                 raise UserError(str(error).replace(str(file), request.text("name")[:80])) from None
-        height, width = (min(side, most) for side, most in zip(radiance.shape[1:], FINEST))
-        return exposed(F.adaptive_avg_pool2d(radiance, (height, width)))
+        return exposed(resample_probe(radiance, min(radiance.shape[1], FINEST)))
 
     state.compute(lambda: state.kept(("environment", name), prepared, 16))
     return of_json({"light": name})

@@ -125,7 +125,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
         scale: what line integrals are divided by (default: the unit of the viewing's projection).
     """
     sample, projection = opened.generator.sample(1, batch=1), viewing.projection
-    inner = projection.projection if isinstance(projection, Standardised) else projection
+    inner = _plain(projection)
     of_materials = isinstance(inner, Selection | Rendering)
     listed = are_pictures(paths, MATERIALS if of_materials else PICTURES)
     if len(paths) > 1 and not listed:
@@ -133,7 +133,7 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     if scale is not None and not isinstance(inner, LineIntegral):
         raise UserError(f"--scale {scale:g}: only readings of line integrals are divided by it; leave it out")
     if of_materials:
-        return _observed_materials(paths, inner, sample)
+        return _as_compared(_pictures_of_materials(paths, inner, sample.shape[1:]), projection)
     if isinstance(inner, LineIntegral):
         if listed or paths[0].is_dir():
             raise UserError(f"{paths[0]}: holds no lines, and this run learned from lines; give an .npz of sinograms")
@@ -144,15 +144,28 @@ def observed(opened: Run, paths: Sequence[Path], viewing: Viewing, scale: float 
     if listed:
         raise UserError(f"{paths[0]}: these pictures are no silhouettes; name the folder they lie in, or an .npz")
     latents = (*projection.latents, *projection.optional_latents)
-    return mapped(read_images(paths[0], shape, latents), projection.from_measured)
+    return _as_compared(read_images(paths[0], shape, latents), projection)
 
 
-def _observed_materials(paths: Sequence[Path], projection: Selection | Rendering, sample: Tensor) -> Collection:
-    """Return single maps or photographs of materials, of the size of a sample (1, C, N, N)."""
+def _as_compared(found: Collection, projection: Projection) -> Collection:
+    """Return measured pictures as a projection has them, of any values, with their names and latents."""
+    return Collection(
+        projection.from_measured(found.floats()), names=found.names, latents=found.latents, skipped=found.skipped
+    )
+
+
+def _plain(projection: Projection) -> Projection:
+    """Return what a projection standardises, or itself."""
+    return projection.projection if isinstance(projection, Standardised) else projection
+
+
+def _pictures_of_materials(
+    paths: Sequence[Path], projection: Selection | Rendering, sample: Sequence[int]
+) -> Collection:
+    """Return single maps or photographs of materials as they were measured, of the size of a sample (C, N, N)."""
     files = required_pictures(paths[0], MATERIALS) if paths[0].is_dir() else list(paths)
     name = projection.map if isinstance(projection, Selection) else "photograph"
-    found = read_photographs(files, sample.shape[-1], name, coloured=sample.shape[1] == COLOURED)
-    return Collection(projection.from_measured(found.floats()), names=found.names)
+    return read_photographs(files, sample[-1], name, coloured=sample[0] == COLOURED)
 
 
 def _observed_lines(path: Path, projection: LineIntegral, bins: int, unit: float) -> Collection:
@@ -209,6 +222,9 @@ def references(run: Run, path: Path, observation: str | None = None) -> Collecti
         if observation not in states:
             raise UserError(f"--observation {observation}: the run has {', '.join(states)}")
         panel = states[observation].panel
+        inner = _plain(panel.projection)
+        if isinstance(inner, Selection | Rendering) and (path.is_dir() or are_pictures([path], MATERIALS)):
+            return {observation: _pictures_of_materials([path], inner, sample).floats()}
         if len(panel.shape) == 3 and not panel.projection.silhouettes:
             return {observation: read_images(path, panel.shape).floats()}
         return {observation: run.domain.read(path, panel.shape[-1]).floats()}

@@ -38,7 +38,7 @@ class Kind(NamedTuple):
 
 KINDS = {
     "top": Kind("natural light of --probes, from above", "the colours"),
-    "grazing": Kind("natural light of --probes, seen at 80° from the normal", "little but the colours"),
+    "grazing": Kind("natural light of --probes, seen at 80° from the normal, rectified", "little but the colours"),
     "flash": Kind("a flash at the camera", "most of how maps go together"),
     "lamp": Kind("one lamp, anywhere above", "the colours"),
     "raking": Kind("one lamp at the left, 60° from the normal", "a little of the relief"),
