@@ -910,6 +910,13 @@ LIGHT_AND_MAPS = (
         "cli/test_render.py::test_a_mistake_is_one_line",
     ),
     mutant(
+        "studio: rows of a dropped light count alike",
+        "studio/materials.py",
+        "resample_probe(radiance, min(radiance.shape[1], FINEST))",
+        "radiance.unflatten(1, (-1, 4)).mean(2).unflatten(2, (-1, 4)).mean(3)",
+        "studio/test_materials.py::test_a_fine_light_is_reduced_by_solid_angle",
+    ),
+    mutant(
         "pace: a moment of other programs is told of",
         "training/pace.py",
         "not (self._is_slow and was_slow)",

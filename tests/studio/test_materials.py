@@ -18,11 +18,13 @@ from unproject.assignment import Panel
 from unproject.data import Collection, metal, wood
 from unproject.networks import Discriminator
 from unproject.networks.materials import StationaryMaterials
+from unproject.ops.environment import solid_angles
 from unproject.ops.maps import with_specular
 from unproject.ops.microfacet import Reflection
 from unproject.ops.shading import Sampling
 from unproject.projections import Identity, Rendering
 from unproject.projections.observation import Observation
+from unproject.studio import materials
 from unproject.studio.answers import Request
 from unproject.studio.lighting import PAPER, SIDE, Scene, exposed, picture_of_scene
 from unproject.studio.server import respond
@@ -154,6 +156,19 @@ def test_a_dropped_light_lights(woods: State, said: Said) -> None:
     status, found = said(woods, "/api/light", "POST", stored.getvalue(), name="mine.npy")
     assert status == 200 and found["light"].startswith("dropped-")
     assert rendered(woods, light=found["light"], samples=4)[0] == 200
+
+
+def test_a_fine_light_is_reduced_by_solid_angle(woods: State, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sun at the pole is as bright as it was."""
+    given, taken, stored = torch.full((3, 64, 128), 0.1), [], io.BytesIO()
+    given[:, 0] = 1000.0
+    np.save(stored, given.movedim(0, 2).numpy())
+    monkeypatch.setattr(materials, "FINEST", 16)
+    monkeypatch.setattr(materials, "exposed", lambda radiance: taken.append(radiance) or exposed(radiance))
+    assert said(woods, "/api/light", "POST", stored.getvalue(), name="sun.npy")[0] == 200
+    assert taken[0].shape == (3, 16, 32)
+    light = [(radiance * solid_angles(*radiance.shape[1:])).sum().item() for radiance in (given, taken[0])]
+    assert light[1] == pytest.approx(light[0], rel=1e-5)
 
 
 PICKLED = b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }".ljust(128) + b"x"
