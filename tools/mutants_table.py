@@ -917,6 +917,13 @@ LIGHT_AND_MAPS = (
         "studio/test_materials.py::test_a_fine_light_is_reduced_by_solid_angle",
     ),
     mutant(
+        "materials: photographs are compared with noise",
+        "recipes/materials.py",
+        "(PHOTOGRAPHED if photographed else RENDERED) if samples is None",
+        "RENDERED if samples is None",
+        "recipes/test_materials.py::test_pictures_of_a_users_own",
+    ),
+    mutant(
         "pace: a moment of other programs is told of",
         "training/pace.py",
         "not (self._is_slow and was_slow)",

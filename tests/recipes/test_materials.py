@@ -22,6 +22,7 @@ from unproject.data import correlated, metal, procedural_probes, wood
 from unproject.data.readers.lights import KINDS
 from unproject.domains import Maps
 from unproject.ops.maps import MAPS, luminance, unpack_maps
+from unproject.projections import Rendering
 from unproject.projections.base import Identity
 from unproject.projections.observation import Observation
 from unproject.projections.standardised import Standardised
@@ -289,6 +290,13 @@ def test_the_papers_recipe_has_the_papers_choices() -> None:
     assert recipe.generator().code_size == 512
 
 
+def samples_of(panel: Panel) -> int:
+    """Monte Carlo samples a pixel."""
+    standardised = panel.projection
+    assert isinstance(standardised, Standardised) and isinstance(standardised.projection, Rendering)
+    return standardised.projection.sampling.samples
+
+
 def test_pictures_of_a_users_own(tmp_path: Path) -> None:
     """Sub-folders of photographs and maps that do not belong together are enough."""
     rng = np.random.default_rng(0)
@@ -304,6 +312,10 @@ def test_pictures_of_a_users_own(tmp_path: Path) -> None:
         ("daylight", 2),
     ]
     assert [*panels(wood_materials(data=tmp_path, observations=("top",), **TOY))] == ["top"]
+    # They have no Monte Carlo noise, for which discriminators would tell what is rendered with few samples.
+    taken = [panels(wood_materials(data=tmp_path, **TOY | given))["top"] for given in ({}, {"samples": 5})]
+    assert [samples_of(panel) for panel in taken] == [32, 5]
+    assert samples_of(panels(wood_materials(observations=("top",), renderings=2, **TOY))["top"]) == 8
     # Their light is unknown, and they count less than maps; our own renderings of top views count as all do.
     found = panels(wood_materials(data=tmp_path, natural_light_weight=0.25, **TOY))
     assert {name: panel.weight for name, panel in found.items()} == {
