@@ -2908,9 +2908,9 @@ TRAINING = (
     mutant(
         "materials: albedos of 8 bits as floats are taken as they are",
         "data/readers/textures.py",
-        "BRIGHTEST = 2.0",
-        "BRIGHTEST = 256.0",
-        "data/readers/test_textures.py::test_albedos_in_the_unit_of_8_bits_are_refused",
+        '"diffuse": (2.0,',
+        '"diffuse": (256.0,',
+        "data/readers/test_textures.py::test_maps_in_the_unit_of_8_bits_are_refused",
     ),
     mutant(
         "pictures: those that browsers save as .jfif are passed over",

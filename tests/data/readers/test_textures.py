@@ -16,7 +16,7 @@ from torch import Tensor
 from unproject._pictures import write_picture
 from unproject._types import UserError
 from unproject.cli._materials import read_maps
-from unproject.data import Collection, holds_materials, read_material, wood
+from unproject.data import Collection, Convention, holds_materials, read_material, wood
 from unproject.data.readers.texture_maps import normals_from_height
 from unproject.data.readers.texture_names import find_textures, holds_material, role_of, sets_in, words_of
 from unproject.domains import Maps
@@ -485,13 +485,19 @@ def test_floats_out_of_range_name_their_file(tmp_path: Path, name: str, value: A
         read_material(tmp_path)
 
 
-def test_albedos_in_the_unit_of_8_bits_are_refused(tmp_path: Path) -> None:
+def test_a_convention_that_is_none_is_refused() -> None:
+    with pytest.raises(UserError, match="fresnel is one of stored, albedo, not 'Albedo'"):
+        Convention(fresnel="Albedo")  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("name, meant", [("diffuse", "an albedo"), ("specular", "a reflectance"), ("roughness", "a")])
+def test_maps_in_the_unit_of_8_bits_are_refused(tmp_path: Path, name: str, meant: str) -> None:
     maps = {name: np.full((2, 3 if name in ("diffuse", "normal") else 1, 8, 8), 0.5, np.float32) for name in MAPS}
     maps["normal"][:, :2], maps["normal"][:, 2] = 0, 1
     np.savez(tmp_path / "right.npz", **maps)
     assert len(Collection.materials(tmp_path / "right.npz")) == 2
-    np.savez(tmp_path / "wrong.npz", **{**maps, "diffuse": 255 * maps["diffuse"]})
-    with pytest.raises(UserError, match=r"wrong\.npz: diffuse runs to 128, and an albedo to 1"):
+    np.savez(tmp_path / "wrong.npz", **{**maps, name: 255 * maps[name]})
+    with pytest.raises(UserError, match=rf"wrong\.npz: {name} runs to 128, and {meant} "):
         Collection.materials(tmp_path / "wrong.npz")
 
 

@@ -41,7 +41,7 @@ class Convention:
 
     def __post_init__(self) -> None:
         allowed = {"roughness": ("perceptual", "alpha"), "normal": ("auto", "gl", "dx"), "colour": ("srgb", "linear")}
-        allowed |= {"specular": ("luminance", "colour")}
+        allowed |= {"specular": ("luminance", "colour"), "fresnel": ("stored", "albedo")}
         for name, values in allowed.items():
             if getattr(self, name) not in values:
                 raise UserError(f"material: {name} is one of {', '.join(values)}, not {getattr(self, name)!r}")

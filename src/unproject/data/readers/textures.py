@@ -18,6 +18,7 @@ brought to the largest.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -38,8 +39,12 @@ from .framing import centred_square
 from .texture_maps import DIELECTRIC, Convention, common_size, maps_of, pictures_of
 from .texture_names import candidates, find_textures, holds_material, picture_names, sets_in
 
-BRIGHTEST = 2.0
-"""Diffuse albedo in an .npz beyond which it surely is in another unit, as pictures of 0 to 255 are."""
+LARGEST = {
+    "diffuse": (2.0, "an albedo to 1"),
+    "specular": (100.0, "a reflectance to 1, or some times the 0.04 of glass"),
+    "roughness": (10.0, "a slope to about 1"),
+}
+"""What a map in an .npz may run to, beyond which it surely is in another unit, as pictures of 0 to 255 are; and why."""
 
 
 def read_material(
@@ -184,10 +189,9 @@ def _from_arrays(path: Path, size: int | None, fresnel: str) -> Found:
             raise UserError(
                 f"{path}: {name} is of shape {values.shape}; give (N, C, H, W) or (C, H, W), none of them 0"
             )
-        if name == "diffuse" and values.max() > BRIGHTEST:
-            raise UserError(
-                f"{path}: diffuse runs to {values.max():.3g}, and an albedo to 1; scale it, or decode it from sRGB"
-            )
+        most, meant = LARGEST.get(name, (math.inf, ""))
+        if values.max() > most:
+            raise UserError(f"{path}: {name} runs to {values.max():.3g}, and {meant}; scale it, or decode it from sRGB")
         with np.errstate(over="ignore"):
             maps[name] = torch.from_numpy(values.astype(np.float32).reshape(-1, *values.shape[-3:]))
     try:
