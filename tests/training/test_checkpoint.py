@@ -88,3 +88,11 @@ def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path: Path, monke
 def test_names_that_are_not_utf_8_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="is not UTF-8; choose another"):
         checkpoint.load(tmp_path / "\udcff.safetensors")
+
+
+def test_a_step_is_chosen_if_it_is_kept(tmp_path: Path) -> None:
+    for step in (2, 4):
+        checkpoint.save(tmp_path, step, {"x": torch.zeros(1)})
+    assert step_of(checkpoint.chosen(tmp_path)) == 4 and step_of(checkpoint.chosen(tmp_path, 2)) == 2
+    with pytest.raises(UserError, match="no checkpoint of step 3; those that are kept: 2, 4"):
+        checkpoint.chosen(tmp_path, 3)

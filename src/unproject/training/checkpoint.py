@@ -86,8 +86,10 @@ def newest(folder: Path) -> Path:
 
 def chosen(folder: Path, step: int | None = None) -> Path:
     """The checkpoint of a step, by default the newest. Raises UserError if there is none."""
-    file = newest(folder) if step is None else checkpoint_of(folder, step)
-    if not file.is_file():
+    if step is None:
+        return newest(folder)
+    file = checkpoint_of(folder, step)
+    if not file.exists():
         kept = ", ".join(f"{step_of(other):,}" for other in list_checkpoints(folder)) or "none"
         raise UserError(f"{folder}: no checkpoint of step {step:,}; those that are kept: {kept}")
     return file
