@@ -30,7 +30,7 @@ from .state import State
 PLACE = ("run", "pick", "other", "mix", "truncation", "slides")
 LAMPS = ("ambient", "directional", "coloured")
 FINEST = 256
-"""Rows and columns of a dropped environment at most: finer ones light a material alike."""
+"""Rows of a dropped environment at most: finer ones light a material alike."""
 STEEPEST = 85.0
 SAMPLES = 128
 
